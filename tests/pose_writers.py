@@ -159,6 +159,28 @@ def reality_capture(folder, poses, scan2=False):
     return table(folder, "rc.csv", f"#name,x,y,alt,{names},k1,k2,k3,k4,t1,t2", rows)
 
 
+def xmp(folder, poses):
+    """As RealityCapture 1 writes them."""
+    px, py = (CX - WIDTH / 2) / WIDTH, (CY - HEIGHT / 2) / WIDTH
+    for name, (r, c) in poses.items():
+        text = f"""<x:xmpmeta xmlns:x="adobe:ns:meta/">
+  <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
+    <rdf:Description xcr:Version="3" xcr:PosePrior="locked" xcr:Coordinates="absolute"
+       xcr:DistortionModel="brown3" xcr:FocalLength35mm="28.125" xcr:Skew="0" xcr:AspectRatio="1"
+       xcr:PrincipalPointU="{px!r}" xcr:PrincipalPointV="{py!r}" xcr:CalibrationPrior="exact" xcr:CalibrationGroup="-1"
+       xcr:DistortionGroup="-1" xcr:InTexturing="1" xcr:InMeshing="1"
+       xmlns:xcr="http://www.capturingreality.com/ns/xcr/1.1#">
+      <xcr:Rotation>{row(r.T.ravel())}</xcr:Rotation>
+      <xcr:Position>{row(c)}</xcr:Position>
+      <xcr:DistortionCoeficients>0 0 0 0 0 0</xcr:DistortionCoeficients>
+    </rdf:Description>
+  </rdf:RDF>
+</x:xmpmeta>
+"""
+        save(folder / "xmp", name.rpartition("/")[2].replace(".jpg", ".xmp"), text)
+    return folder / "xmp"
+
+
 def pix4d(folder, poses):
     rows = [(n, c, Rotation.from_matrix(r @ OPENGL).as_euler("XYZ", degrees=True)) for n, (r, c) in poses.items()]
     path = "calibrated_external_camera_parameters.txt"
@@ -334,6 +356,7 @@ WRITERS = {
     "blocks_exchange": Writer("blocksexchange", blocks_exchange, camera=ONE_FOCAL_LENGTH),
     "reality_capture": Writer("realitycapture", reality_capture, camera=ONE_FOCAL_LENGTH),
     "reality_scan": Writer("realitycapture", lambda *a: reality_capture(*a, scan2=True), camera=ONE_FOCAL_LENGTH),
+    "xmp": Writer("xmp", xmp, camera=ONE_FOCAL_LENGTH),
     "pix4d": Writer("pix4d", pix4d, camera=None),
     "opensfm": Writer("opensfm", opensfm),
     "odm_shots": Writer("odmshots", odm_shots),

@@ -57,7 +57,7 @@ SCENES = {
 GEOGRAPHIC = [name for name, scene in SCENES.items() if scene.origin is not None]
 EARTH = ("odmgeo", "geopose", "geoposeypr")  # formats that need a place on the Earth
 NO_CAMERAS = ("tum", "kitti", *EARTH)
-FOLDERS = ("colmap", "geopose", "geoposeypr")
+FILM_CAMERAS = ("realitycapture", "xmp")  # with one focal length, relative to the photo's size
 
 
 def images_of(scene, seed=1):
@@ -131,7 +131,7 @@ def test_exported_poses_are_imported_again(form, name, tmp_path):
     if form in ("tum", "kitti") and name == "rig":
         return  # of one camera alone; see test_trajectory_of_a_rig...
     is_geographic = form in ("colmap", "metashape", "opensfm", *EARTH) or crs_of(form, scene) is not None
-    camera = None if form not in NO_CAMERAS and (form != "realitycapture" or name == "geographic") else PINHOLE
+    camera = None if form not in NO_CAMERAS and (form not in FILM_CAMERAS or name == "geographic") else PINHOLE
     origin = scene.origin if is_geographic else None
     posed = read_posed_images(Source(path, Photos(tmp_path / "photos"), camera, crs=crs_of(form, scene), origin=origin))
     assert posed.origin == origin
@@ -144,7 +144,7 @@ def test_exported_poses_are_imported_again(form, name, tmp_path):
         assert np.abs(found.rotation - pose.rotation).max() < 1e-9
         if form == "colmap":
             assert images[photo].camera == camera and found.bits() == pose.bits()
-        elif form not in NO_CAMERAS and form != "realitycapture":
+        elif form not in NO_CAMERAS and (form not in FILM_CAMERAS or name == "geographic"):
             assert_same_camera(images[photo].camera, camera)
 
 
@@ -154,10 +154,11 @@ def assert_same_camera(found, camera):
     assert values == pytest.approx(true_values, rel=1e-12, abs=1e-12)
 
 
-def test_intrinsics_of_realitycapture_are_those_that_it_can_hold(tmp_path, capfd):
-    """Film 36 mm wide; a camera with two focal lengths has empty cells."""
+@pytest.mark.parametrize("form", FILM_CAMERAS)
+def test_intrinsics_of_realitycapture_are_those_that_it_can_hold(form, tmp_path, capfd):
+    """Film 36 mm wide; a camera with two focal lengths has no intrinsics."""
     truth = write_results(tmp_path, Scene((SIMPLE, PINHOLE, FISHEYE)))
-    path, code = export(tmp_path, "realitycapture")
+    path, code = export(tmp_path, form)
     assert code == 0
     line = "intrinsics of 3 of 5 photos left out, because the format cannot hold their cameras: OPENCV_FISHEYE, PINHOLE"
     assert line in capfd.readouterr().err
@@ -238,6 +239,20 @@ def read_realitycapture(path, scene):
     return found
 
 
+def read_xmp(path, scene):
+    """As RealityCapture's "XMP Camera Math": x = R (X - position), with the rows of R one after the other."""
+    rdf, xcr = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}", "{http://www.capturingreality.com/ns/xcr/1.1#}"
+    found = {}
+    for name in scene.names:
+        root = ET.parse(path / f"{pathlib.PurePath(name).with_suffix('.xmp')}").getroot()
+        assert root.tag == "{adobe:ns:meta/}xmpmeta"
+        (about,) = root.findall(f"{rdf}RDF/{rdf}Description")
+        assert about.get(f"{xcr}PosePrior") == "initial" and about.get(f"{xcr}Coordinates") == "absolute"
+        rotation = np.array(about.findtext(f"{xcr}Rotation").split(), float).reshape(3, 3)
+        found[name] = rotation.T, np.array(about.findtext(f"{xcr}Position").split(), float)
+    return found
+
+
 def read_tum(path, scene):
     rows = np.loadtxt(path)
     times = [float(name[-10:-4]) if scene.names == SEQUENCE else i for i, name in enumerate(sorted(scene.names))]
@@ -304,6 +319,7 @@ READERS = {
     "opensfm": read_opensfm,
     "metashape": read_metashape,
     "realitycapture": read_realitycapture,
+    "xmp": read_xmp,
     "tum": read_tum,
     "kitti": read_kitti,
     "odmgeo": read_odm_geo,
@@ -567,6 +583,35 @@ def test_metashape_has_its_own_names_of_coefficients(tmp_path):
         "p1": -2e-3,
         "p2": 1e-3,
     }
+
+
+def test_xmp_has_the_distortion_of_its_model(tmp_path):
+    """The numbers of RealityCapture: the longer side of the photo is 1, the focal length that of a film 36 mm wide."""
+    camera = Camera("OPENCV", *SIZE, (600.0, 600.0, 330.0, 235.0, -0.1, 0.02, 1e-3, -2e-3))
+    write_results(tmp_path, Scene((camera, SIMPLE, Camera("SIMPLE_PINHOLE", *SIZE, (600.0, 320.0, 240.0)))))
+    path, _ = export(tmp_path, "xmp")
+    found = []
+    for name in SEQUENCE[:3]:
+        xcr = "{http://www.capturingreality.com/ns/xcr/1.1#}"
+        (about,) = (e for e in ET.parse(path / name.replace(".jpg", ".xmp")).iter() if e.get(f"{xcr}Version"))
+        keys = ("FocalLength35mm", "PrincipalPointU", "PrincipalPointV")
+        numbers = [float(about.get(xcr + key)) for key in keys]
+        numbers += map(float, about.findtext(f"{xcr}DistortionCoeficients").split())
+        found.append((about.get(f"{xcr}DistortionModel"), pytest.approx(numbers)))
+    middle = [10 / 640, -5 / 640]
+    assert found == [
+        ("brown3t2", [33.75, *middle, -0.1, 0.02, 0, 0, -2e-3, 1e-3]),
+        ("brown3", [33.75, *middle, -0.05, 0, 0, 0, 0, 0]),
+        ("perspective", [33.75, 0, 0, 0, 0, 0, 0, 0, 0]),
+    ]
+
+
+def test_two_photos_of_one_xmp_file_are_one_line(tmp_path, capfd):
+    write_results(tmp_path, Scene((SIMPLE,), ("a/1.jpg", "a/1.png")))
+    path, code = export(tmp_path, "xmp")
+    (line,) = capfd.readouterr().err.splitlines()
+    assert code == 1 and not path.exists()
+    assert "a/1.xmp: would belong to 'a/1.png' and 'a/1.jpg'" in line
 
 
 def test_trajectory_of_a_rig_says_that_times_are_numbers(tmp_path, capfd):

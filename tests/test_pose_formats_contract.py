@@ -20,7 +20,7 @@ from pose_writers import WRITERS
 NUM_MUTATIONS = 40
 NAMED = [f"set/IMG {index:04}.jpg" for index in range(5)]
 NUMBERED = [f"set/{index:06}.jpg" for index in range(5)]
-FOLDERS = ("7_scenes", "polycam_keyframes")  # with a file for each pose
+FOLDERS = ("7_scenes", "polycam_keyframes", "xmp")  # with a file for each pose
 KINDS = pytest.mark.parametrize("kind", WRITERS)
 
 

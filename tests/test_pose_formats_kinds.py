@@ -155,7 +155,7 @@ def test_model_keeps_every_bit(tmp_path):
         ("sfm_data.json", '{"sfm_data_version": "0.3", "views": []}', "openMVG: convert it by openMVG_main_openMVG2"),
         ("cameras.sfm", '{"version": ["1"], "views": [], "intrinsics": [], "poses": []}', "Meshroom: export"),
         ("17.json", '{"t_00": 1, "fx": 500, "timestamp": 1}', "keyframe of Polycam: give the folder"),
-        ("a.xmp", "<x:xmpmeta xmlns:x='adobe:ns:meta/'/>", "a photo's XMP"),
+        ("a.xmp", "<x:xmpmeta xmlns:x='adobe:ns:meta/'/>", "an XMP file without a pose"),
         ("geo.txt", "EPSG:4326\na.jpg 8.5 47.3 408.0\n", "positions of OpenDroneMap"),
         ("a.txt", "+proj=utm +zone=32\na.jpg 8.5 47.3 408.0\n", "positions of OpenDroneMap"),
         (

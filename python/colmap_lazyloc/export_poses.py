@@ -31,7 +31,8 @@ MODEL = "model"
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    names = list(written_formats())
+    writers = written_formats()
+    names, folders = list(writers), [name for name, writer in writers.items() if writer.folder is not None]
     rows = "".join(f"  {name:<15} {FORMATS[name].title}\n" for name in names)
     parser = Parser(
         prog="lazyloc export",
@@ -46,7 +47,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         type=pathlib.Path,
         required=True,
         metavar="PATH",
-        help="file to write; for colmap, geopose and geoposeypr a folder",
+        help=f"file to write; for {', '.join(folders)} a folder",
     )
     add("--with_database", action="store_true", help="also write the database images; default: the localized photos")
     add(

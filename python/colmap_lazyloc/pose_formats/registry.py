@@ -21,6 +21,7 @@ from colmap_lazyloc.pose_formats import (
     table,
     trajectories,
     transforms_json,
+    xmp,
 )
 from colmap_lazyloc.pose_formats.assembly import assemble
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
@@ -159,6 +160,20 @@ FORMATS: dict[str, Format] = {
         "f (35 mm film), px, py, k1 to k3, t1, t2; needs --image_path",
         writer=Writer(
             file_of(table.reality_capture_text), World.GRID, "folders of names, sizes", table.REALITY_CAPTURE_HOLDS
+        ),
+    ),
+    "xmp": Format(
+        "RealityCapture, RealityScan: the XMP file beside each photo; a folder of these, or one",
+        xmp.parse,
+        xmp.is_one,
+        Convention(FROM_WORLD, rotation="matrix", vector="centre"),
+        cameras="FocalLength35mm, PrincipalPointU, PrincipalPointV, DistortionCoeficients; needs --image_path",
+        writer=Writer(
+            xmp.write,
+            World.MODEL,
+            "endings of names, sizes",
+            table.REALITY_CAPTURE_HOLDS,
+            folder=rf".*{re.escape(xmp.ENDING)}",
         ),
     ),
     "pix4d": Format(

@@ -98,7 +98,7 @@ FOREIGN: Sequence[tuple[str, Callable[[Head], bool], str]] = (
     ),
     ("a list of nerfstudio", lambda f: f.json("transform", "scale"), "give the transforms.json of the data"),
     ("a camera path of nerfstudio", lambda f: f.json("camera_path"), "give the transforms.json of the data"),
-    ("a photo's XMP", lambda f: f.xml("xmpmeta"), "export 'Internal/External camera parameters' as CSV"),
+    ("an XMP file without a pose", lambda f: f.xml("xmpmeta"), "export XMP files with the poses of the cameras"),
     ("a project of Metashape", lambda f: f.name.endswith((".psx", ".psz")), "export the cameras as 'Agisoft XML'"),
     (
         "a reference table of Metashape",

@@ -126,7 +126,7 @@ def parse_reality_capture(source: Source) -> RawPoses:
     table.require("name, x, y, alt, heading (or yaw), pitch, roll", "name", *position, *angles)
 
     def parse_row(row: Row) -> RawPose:
-        camera = None if source.camera is not None else functools.partial(_film_camera, row.values)
+        camera = None if source.camera is not None else functools.partial(film_camera, row.values)
         return RawPose(row.numbers(*angles), row.numbers(*position), row.text("name"), camera=camera)
 
     poses = each(table.rows(), parse_row, lambda row: row.label)
@@ -134,7 +134,7 @@ def parse_reality_capture(source: Source) -> RawPoses:
     return RawPoses(poses, Frame(true_north=True))
 
 
-def _film_camera(values: dict[str, str], size: tuple[int, int]) -> Camera:
+def film_camera(values: dict[str, str], size: tuple[int, int]) -> Camera:
     """Returns a camera with the focal length of a film 36 mm wide, and the principal point relative to the longer side
     of the photo, from its middle."""
     if not {"f", "f35mm"} & set(values):
@@ -154,14 +154,14 @@ def reality_capture_text(raw: RawPoses) -> str:
     table = csv.writer(file, lineterminator="\n")
     table.writerow(REALITY_CAPTURE)
     for pose, name in zip(raw.written, short_names([pose.name or "" for pose in raw.written])):
-        camera = _film_values(pose.camera) if isinstance(pose.camera, Camera) else None
+        camera = film_values(pose.camera) if isinstance(pose.camera, Camera) else None
         cells = [""] * (3 + len(FILM_COEFFICIENTS)) if camera is None else [words(value) for value in camera]
         table.writerow([name, *map(words, pose.vector), *map(words, pose.rotation), *cells])
     return file.getvalue()
 
 
-def _film_values(camera: Camera) -> list[float]:
-    """Returns the intrinsics in a row: the inverse of `_film_camera`."""
+def film_values(camera: Camera) -> list[float]:
+    """Returns the intrinsics in a row: the inverse of `film_camera`."""
     _, values = coefficients(camera)
     longer = max(camera.width, camera.height)
     centre = (values["cx"] - camera.width / 2) / longer, (values["cy"] - camera.height / 2) / longer

@@ -1,0 +1,113 @@
+"""Reads and writes the XMP files that RealityCapture and RealityScan have beside photos: a folder with one for each.
+
+Their values mean what "RealityCapture XMP Camera Math" of its support says: the rotation from the world to the camera,
+row by row, the centre of the camera, and intrinsics as in its table.
+"""
+
+import functools
+import pathlib
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.naming import ENDING as PHOTO_ENDING
+from colmap_lazyloc.pose_formats.naming import inside
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.signatures import Head
+from colmap_lazyloc.pose_formats.table import FILM_COEFFICIENTS, film_camera, film_values
+from colmap_lazyloc.pose_formats.text import numbers, read_xml, words
+
+ENDING = ".xmp"
+XCR = "http://www.capturingreality.com/ns/xcr/1.1#"
+RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
+META = "adobe:ns:meta/"
+ROTATION, POSITION, COEFFICIENTS = "Rotation", "Position", "DistortionCoeficients"  # spelled so
+INTRINSICS = {"f": "FocalLength35mm", "px": "PrincipalPointU", "py": "PrincipalPointV"}  # by their names in the table
+MODELS = ("perspective", "brown3", "brown3t2", "brown4", "brown4t2")
+FIXED = {"Skew": 0.0, "AspectRatio": 1.0}  # what COLMAP's camera models lack
+
+
+def is_one(head: Head) -> bool:
+    """True for a file with a pose, or for a folder of them."""
+    paths = sorted(head.path.rglob(f"*{ENDING}"))[:1] if head.is_folder else [head.path]
+    return any(file.xml("xmpmeta") and f":{ROTATION}" in file.text for file in map(Head, paths))
+
+
+def parse(source: Source) -> RawPoses:
+    """Reads a folder of files, or one; the names of photos are those of the files without their endings."""
+    folder = source.path if source.path.is_dir() else source.path.parent
+    paths = sorted(folder.rglob(f"*{ENDING}")) if source.path.is_dir() else [source.path]
+
+    def parse_file(path: pathlib.Path) -> RawPose:
+        values = _values(path)
+        name = path.relative_to(folder).as_posix().removesuffix(ENDING)
+        camera = None
+        if source.camera is None and INTRINSICS["f"] in values:
+            camera = functools.partial(film_camera, _film(values))
+        rotation = np.reshape(numbers(values[ROTATION], 9), (3, 3))
+        return RawPose(rotation, numbers(values[POSITION], 3), name, camera=camera)
+
+    return RawPoses(each(paths, parse_file, lambda path: path.name))
+
+
+def _values(path: pathlib.Path) -> dict[str, str]:
+    """Returns what a file says, by name: RealityCapture writes poses as elements, RealityScan also as attributes."""
+    values = {}
+    for element in read_xml(path).iter():
+        values[element.tag] = element.text or ""
+        values |= {name.rpartition("}")[2]: value for name, value in element.attrib.items()}
+    return values
+
+
+def _film(values: dict[str, str]) -> dict[str, str]:
+    """Returns intrinsics by the names of RealityCapture's table."""
+    model = values.get("DistortionModel", MODELS[0])
+    if model not in MODELS:
+        raise ValueError(f"the distortion model {model} is not supported: export with one of {', '.join(MODELS)}")
+    for name, value in FIXED.items():
+        if abs(float(values.get(name, value)) - value) > 1e-9:
+            raise ValueError(f"a camera has the {name} {values[name]}, which COLMAP's camera models lack")
+    coefficients = values.get(COEFFICIENTS, "0 0 0 0 0 0").split()
+    found = dict(zip(FILM_COEFFICIENTS, coefficients, strict=True))
+    return found | {short: values.get(name, "0") for short, name in INTRINSICS.items()}
+
+
+def write(path: pathlib.Path, raw: RawPoses) -> None:
+    """Writes a folder of files."""
+    of_file: dict[str, str] = {}
+    for pose in raw.written:
+        name = pose.name or ""
+        file = inside(path, PHOTO_ENDING.sub("", name) + ENDING)
+        if of_file.setdefault(str(file).casefold(), name) != name:
+            raise InputError(
+                f"{file.relative_to(path)}: would belong to '{name}' and '{of_file[str(file).casefold()]}'"
+            )
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(_text(pose), encoding="utf-8", newline="")
+
+
+def _text(pose: RawPose) -> str:
+    """Returns a file, whose pose and intrinsics RealityCapture may refine."""
+    for prefix, space in (("x", META), ("rdf", RDF), ("xcr", XCR)):
+        ET.register_namespace(prefix, space)
+    root = ET.Element(f"{{{META}}}xmpmeta")
+    about = ET.SubElement(ET.SubElement(root, f"{{{RDF}}}RDF"), f"{{{RDF}}}Description")
+    attributes = {"Version": "3", "PosePrior": "initial", "Coordinates": "absolute"}
+    elements = {ROTATION: words(pose.rotation), POSITION: words(pose.vector)}
+    if isinstance(pose.camera, Camera):
+        focal, px, py, *coefficients = film_values(pose.camera)
+        # The smallest model that holds them: k1 to k3, then the tangential ones.
+        model = "brown3t2" if any(coefficients[4:]) else "brown3" if any(coefficients) else "perspective"
+        attributes |= {"DistortionModel": model, "CalibrationPrior": "initial"}
+        attributes |= dict(zip(INTRINSICS.values(), map(words, (focal, px, py))))
+        attributes |= {name: words(value) for name, value in FIXED.items()}
+        elements[COEFFICIENTS] = words(coefficients)
+    for name, value in attributes.items():
+        about.set(f"{{{XCR}}}{name}", value)
+    for name, value in elements.items():
+        ET.SubElement(about, f"{{{XCR}}}{name}").text = value
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
