@@ -19,7 +19,7 @@ from colmap_lazyloc.model import Camera, Image, read_model, write_model
 from colmap_lazyloc.pose_formats.cameras import coefficients
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import Photos, Source
-from colmap_lazyloc.pose_formats.registry import find_format, read_posed_images, written_formats
+from colmap_lazyloc.pose_formats.registry import EXPORTS, find_format, read_posed_images, written_formats
 from colmap_lazyloc.poses import Pose
 
 SIZE = WIDTH, HEIGHT = 640, 480
@@ -55,7 +55,7 @@ SCENES = {
     "large": Scene((PINHOLE,), shift=(500000.0, 5200000.0, 400.0)),
 }
 GEOGRAPHIC = [name for name, scene in SCENES.items() if scene.origin is not None]
-EARTH = ("odmgeo", "geopose", "geoposeypr")  # formats that need a place on the Earth
+EARTH = ("odmgeo", "geopose", "geoposeypr", "kml")  # formats that need a place on the Earth
 NO_CAMERAS = ("tum", "kitti", *EARTH)
 FILM_CAMERAS = ("realitycapture", "xmp")  # with one focal length, relative to the photo's size
 
@@ -121,7 +121,7 @@ def is_written(form, name):
 PAIRS = [(form, name) for form in written_formats() for name in SCENES if is_written(form, name)]
 
 
-@pytest.mark.parametrize(("form", "name"), PAIRS)
+@pytest.mark.parametrize(("form", "name"), [pair for pair in PAIRS if pair[0] not in EXPORTS])
 def test_exported_poses_are_imported_again(form, name, tmp_path):
     scene = SCENES[name]
     truth = write_results(tmp_path, scene)
@@ -297,6 +297,40 @@ def read_geopose(path, scene):
     return found
 
 
+KML = "{http://www.opengis.net/kml/2.2}"
+
+
+def points_of_kml(path):
+    """Returns the values of the points by name; checks the elements and their order by the schema of KML 2.2."""
+    root = ET.parse(path).getroot()
+    (document,) = root
+    assert (root.tag, document.tag) == (f"{KML}kml", f"{KML}Document")
+    name, *placemarks = document
+    assert name.tag == f"{KML}name"
+    found = {}
+    for placemark in placemarks:
+        tags = [child.tag.removeprefix(KML) for child in placemark]
+        assert tags == ["name", "Style", "ExtendedData", "Point"] and placemark.tag == f"{KML}Placemark"
+        data = placemark.findall(f"{KML}ExtendedData/{KML}Data")
+        values = {item.get("name"): item.findtext(f"{KML}value") for item in data}
+        assert placemark.findtext(f"{KML}Style/{KML}IconStyle/{KML}heading") == values["heading_deg"]
+        longitude, latitude = map(float, placemark.findtext(f"{KML}Point/{KML}coordinates").split(","))
+        assert placemark.find(f"{KML}Point/{KML}altitudeMode") is None  # clampToGround
+        place = longitude, latitude, float(values["height_m"])
+        found[placemark.findtext(f"{KML}name")] = place, values
+    return found
+
+
+def read_kml(path, scene):
+    """Heading clockwise from north, then pitch upwards, then roll to the right, of a camera right, forward, up."""
+    found = {}
+    for name, (place, values) in points_of_kml(path).items():
+        heading, pitch, roll = (float(values[f"{angle}_deg"]) for angle in ("heading", "pitch", "roll"))
+        turn = Rotation.from_euler("ZXY", [-heading, pitch, roll], degrees=True).as_matrix()
+        found[name] = from_place(scene, place, turn @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    return found
+
+
 def from_place(scene, place, rotation, is_ecef=False):
     """Returns a rotation in east, north, up at a longitude, latitude and height, and the place, in the local frame."""
     origin = scene.origin
@@ -325,6 +359,7 @@ READERS = {
     "odmgeo": read_odm_geo,
     "geopose": read_geopose,
     "geoposeypr": read_geopose,
+    "kml": read_kml,
 }
 
 
@@ -540,6 +575,9 @@ def test_names_are_read_again_or_left_out(form, tmp_path, capfd):
         return
     expected = {"f/g.jpg"} if form == "odmgeo" else set(names[:3])
     assert f"{4 - len(expected)} of 4 photos left out" in capfd.readouterr().err
+    if form == "kml":
+        assert set(points_of_kml(path)) == expected
+        return
     posed = read_posed_images(Source(path, Photos(tmp_path / "photos"), PINHOLE))
     assert {image.name for image in posed.images} == expected
 
@@ -612,6 +650,28 @@ def test_two_photos_of_one_xmp_file_are_one_line(tmp_path, capfd):
     (line,) = capfd.readouterr().err.splitlines()
     assert code == 1 and not path.exists()
     assert "a/1.xmp: would belong to 'a/1.png' and 'a/1.jpg'" in line
+
+
+def test_kml_has_status_accuracy_and_angles(tmp_path):
+    """Of a camera that looks along the horizon to the north-east, its right side lower by 10 degrees."""
+    scene = SCENES["geographic"]
+    write_results(tmp_path, scene)
+    level = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    rotation = Rotation.from_euler("ZY", [-45, 10], degrees=True).as_matrix() @ level
+    pose = Pose.from_centre(rotation.T, np.array([1.0, 2.0, 3.0]))
+    images = [Image("q.jpg", 1, pose, 1), Image("d.jpg", 2, pose, 2)]
+    write_model(tmp_path / "model", {1: SIMPLE, 2: PINHOLE}, images, binary=True)
+    more = {"position_covariance": np.diag([0.01, 0.04, 0.09]).tolist(), "confidence": 0.75, "heading_stddev_deg": 0.5}
+    (tmp_path / "results.jsonl").write_text(json.dumps(result("q.jpg", "LOCALIZED", pose) | more) + "\n")
+    path, code = export(tmp_path, "kml", "--with_database")
+    points = points_of_kml(path)
+    assert code == 0 and set(points) == {"q.jpg", "d.jpg"}
+    values = points["q.jpg"][1]
+    assert values.pop("status") == "LOCALIZED" and points["d.jpg"][1]["status"] == "DATABASE"
+    expected = {"confidence": 0.75, "stddev_east_m": 0.1, "stddev_north_m": 0.2, "stddev_up_m": 0.3}
+    expected |= {"heading_deg": 45, "pitch_deg": 0, "roll_deg": 10, "heading_stddev_deg": 0.5, "height_m": 411}
+    assert {name: float(value) for name, value in values.items()} == pytest.approx(expected, abs=1e-4)
+    assert "confidence" not in points["d.jpg"][1]
 
 
 def test_trajectory_of_a_rig_says_that_times_are_numbers(tmp_path, capfd):

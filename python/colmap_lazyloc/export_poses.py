@@ -3,7 +3,7 @@
     lazyloc export RESULTS --format FORMAT --output PATH
 
 RESULTS is the output folder of `colmap lazy_localizer` or of `lazyloc run`. FORMAT is one of the following; `lazyloc
-import` reads all of them.
+import` reads all of them but EXPORTS.
 
 FORMATS
 Poses are written in the coordinates of the model, but for formats that have geographic ones: these need a model with
@@ -20,7 +20,7 @@ from colmap_lazyloc.errors import InputError, Parser, command, logger
 from colmap_lazyloc.model import Model, read_model
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
-from colmap_lazyloc.pose_formats.registry import FORMATS, write_posed_images, written_formats
+from colmap_lazyloc.pose_formats.registry import EXPORTS, write_posed_images, written_formats
 from colmap_lazyloc.pose_formats.transforms_json import read_frame
 from colmap_lazyloc.pose_formats.writing import Target, check_path
 from colmap_lazyloc.report.output import replacing
@@ -31,23 +31,23 @@ MODEL = "model"
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    writers = written_formats()
-    names, folders = list(writers), [name for name, writer in writers.items() if writer.folder is not None]
-    rows = "".join(f"  {name:<15} {FORMATS[name].title}\n" for name in names)
+    forms = written_formats()
+    folders = ", ".join(name for name, form in forms.items() if form.writer.folder is not None)
+    rows = "".join(f"  {name:<15} {form.title}\n" for name, form in forms.items())
     parser = Parser(
         prog="lazyloc export",
-        description=(__doc__ or "").replace("FORMATS\n", rows),
+        description=(__doc__ or "").replace("EXPORTS", " and ".join(EXPORTS)).replace("FORMATS\n", rows),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("results", metavar="RESULTS", type=pathlib.Path, help="output folder of a run")
-    add("--format", choices=names, required=True, metavar="FORMAT", help="one of the formats above")
+    add("--format", choices=list(forms), required=True, metavar="FORMAT", help="one of the formats above")
     add(
         "--output",
         type=pathlib.Path,
         required=True,
         metavar="PATH",
-        help=f"file to write; for {', '.join(folders)} a folder",
+        help=f"file to write; for {folders} a folder",
     )
     add("--with_database", action="store_true", help="also write the database images; default: the localized photos")
     add(
@@ -74,7 +74,9 @@ def read_localized(folder: pathlib.Path, with_database: bool = False) -> PosedIm
     localized = _localized(folder, results, model)
     names = {name for name in model.images if name in localized or (with_database and name not in results)}
     images = [
-        PosedImage(name, model.cameras[model.images[name].camera_id], model.images[name].pose) for name in sorted(names)
+        PosedImage(name, model.cameras[image.camera_id], image.pose, results.get(name))
+        for name, image in sorted(model.images.items())
+        if name in names
     ]
     return PosedImages(images, GeoOrigin.read(folder / MODEL))
 
@@ -100,7 +102,7 @@ def _localized(folder: pathlib.Path, results: dict[str, ResultFields], model: Mo
 def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     output = options.output
-    check_path(output, written_formats()[options.format], options.overwrite)
+    check_path(output, written_formats()[options.format].writer, options.overwrite)
     if options.transforms is not None and options.format != "transforms":
         raise InputError(f"--transforms {options.transforms}: has no effect with the format {options.format}")
     folder = find_results(options.results)

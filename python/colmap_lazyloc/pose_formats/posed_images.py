@@ -12,6 +12,7 @@ from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.result_fields import ResultFields
 
 # COLMAP recognizes the format of a photo by its content. Readable are those that COLMAP 3 and COLMAP 4 both read. Those
 # of phones can be converted; unreadable are raw files of cameras, and others.
@@ -30,11 +31,12 @@ UNREADABLE_SUFFIXES = tuple(_UNREADABLE.split())
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PosedImage:
-    """An image with its intrinsics and its pose."""
+    """An image with its intrinsics and its pose. `result`: that of a localized query."""
 
     name: str
     camera: Camera
     cam_from_world: Pose
+    result: ResultFields | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.conventions import Convention
 from colmap_lazyloc.pose_formats.frames import NO_FRAME, Frame, Similarity
+from colmap_lazyloc.result_fields import ResultFields
 
 # What damaged values lead to, in a reader that takes them to be right.
 DAMAGE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
@@ -40,7 +41,7 @@ class RawPose:
 
     Its photo is found by `name`, or the number `frame` in the photo's name, or `time`, or else its place in the file.
     `camera`: its intrinsics, or a function if these depend on the photo's size. `similarity`: from the pose's world to
-    the frame of the file.
+    the frame of the file. `result`: that of a localized query, in the coordinates of the model.
     """
 
     rotation: Any
@@ -50,6 +51,7 @@ class RawPose:
     time: float | None = None
     camera: Camera | CameraOfSize | None = None
     similarity: Similarity | None = None
+    result: ResultFields | None = None
 
 
 @dataclasses.dataclass(frozen=True)

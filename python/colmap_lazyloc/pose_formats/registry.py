@@ -15,6 +15,7 @@ from colmap_lazyloc.pose_formats import (
     colmap,
     geopose,
     json_lists,
+    kml,
     metashape,
     odm_geo,
     opensfm,
@@ -52,6 +53,15 @@ class Format:
     photos: str = "name"
     is_trajectory: bool = False
     writer: Writer | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Export:
+    """A format that is only written: what it is, what its numbers mean, and how it is written."""
+
+    title: str
+    convention: Convention
+    writer: Writer
 
 
 def _trajectory(
@@ -334,6 +344,15 @@ FORMATS: dict[str, Format] = {
 }
 
 
+EXPORTS: dict[str, Export] = {
+    "kml": Export(
+        "KML of Google Earth: a point for each photo, with its status, heading and accuracy",
+        Convention(TO_WORLD, "rfu", "yaw, pitch, roll"),
+        Writer(file_of(kml.text), World.EARTH, "intrinsics, heights of points (these are on the ground)"),
+    ),
+}
+
+
 def _has_names_and(count: int, head: Head) -> bool:
     """True if the first line is a name and numbers, separated by blanks, and a header does not specify otherwise."""
     words = head.first_data_line.rsplit(maxsplit=count)
@@ -344,9 +363,10 @@ def _has_names_and(count: int, head: Head) -> bool:
     return head.count_numbers(words[0].split()) == 0
 
 
-def written_formats() -> dict[str, Writer]:
-    """Returns how formats are written that are not only read."""
-    return {name: form.writer for name, form in FORMATS.items() if form.writer is not None}
+def written_formats() -> dict[str, Export]:
+    """Returns the formats that are not only read."""
+    both = {name: Export(f.title, f.convention, f.writer) for name, f in FORMATS.items() if f.writer is not None}
+    return both | EXPORTS
 
 
 def write_posed_images(path: pathlib.Path, posed: PosedImages, name: str, target: Target = NO_TARGET) -> int:
@@ -354,8 +374,7 @@ def write_posed_images(path: pathlib.Path, posed: PosedImages, name: str, target
 
     A line names what the format cannot hold.
     """
-    form = FORMATS[name]
-    assert form.writer is not None
+    form = written_formats()[name]
     raw = raw_poses(posed, form.convention, form.writer, target)
     if not raw.poses:
         raise InputError("there is no pose to write")

@@ -33,9 +33,10 @@ class Writer:
     """How a format is written.
 
     `write`: writes poses, as the file has them, to a path, which does not exist. `omits`: what the format has no place
-    for, beside covariances. `cameras`: by the kind of a camera, the coefficients that it may have; None if the format
-    has all intrinsics, or none. `needs_camera`: a photo without intrinsics is left out. `holds_name`: true for the
-    name of a photo that the format can hold. `folder`: of a folder, the pattern of the names of its files.
+    for, beside covariances unless `has_covariances`. `cameras`: by the kind of a camera, the coefficients that it may
+    have; None if the format has all intrinsics, or none. `needs_camera`: a photo without intrinsics is left out.
+    `holds_name`: true for the name of a photo that the format can hold. `folder`: of a folder, the pattern of the names
+    of its files.
     """
 
     write: Callable[[pathlib.Path, RawPoses], None]
@@ -45,6 +46,7 @@ class Writer:
     needs_camera: bool = False
     holds_name: Callable[[str], bool] = str.isprintable
     folder: str | None = None
+    has_covariances: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +81,9 @@ def raw_poses(posed: PosedImages, convention: Convention, writer: Writer, target
     if frame.is_in_degrees:
         convention = dataclasses.replace(convention, vector="degrees")
     items = [
-        RawPose(*written(pose, convention), image.name, camera=camera, similarity=target.similarity)
+        RawPose(
+            *written(pose, convention), image.name, camera=camera, similarity=target.similarity, result=image.result
+        )
         for image, pose, camera in zip(images, poses, _cameras(images, writer))
         if camera is not None or not writer.needs_camera
     ]
@@ -106,7 +110,8 @@ def describe_omitted(posed: PosedImages, writer: Writer, target: Target) -> str:
     """Returns what the format has no place for, as a list."""
     is_placed = posed.origin is None or writer.world in (World.LOCAL, World.EARTH) or target.crs is not None
     place = "" if is_placed else f"the place on the Earth ({FILE_NAME})"
-    return ", ".join(text for text in (writer.omits, place, "covariances") if text)
+    covariances = "" if writer.has_covariances else "covariances"
+    return ", ".join(text for text in (writer.omits, place, covariances) if text)
 
 
 def _frame(world: World, origin: GeoOrigin | None, target: Target) -> Frame:
