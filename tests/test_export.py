@@ -12,6 +12,8 @@ import PIL.Image
 import pycolmap
 import pyproj
 import pytest
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from colmap_lazyloc import __main__ as tool
@@ -94,7 +96,14 @@ def write_results(folder, scene=Scene(), statuses=None):
 
 def result(name, status, pose):
     fields = None if pose is None else {"qvec": pose.qvec.tolist(), "tvec": pose.tvec.tolist()}
-    return {"name": name, "status": status, "cam_from_world": fields}
+    covariance = None if pose is None else covariance_of(name).tolist()
+    return {"name": name, "status": status, "cam_from_world": fields, "pose_covariance_in_map": covariance}
+
+
+def covariance_of(name):
+    """Returns a 6x6 covariance of its own for each name."""
+    root = np.random.default_rng(list(name.encode())).normal(size=(6, 6))
+    return root @ root.T
 
 
 def export(folder, form, *options):
@@ -347,6 +356,36 @@ def from_place(scene, place, rotation, is_ecef=False):
     return local.T @ in_ecef, local.T @ (np.array(to_ecef.transform(*place)) - zero)
 
 
+def read_ros2(path, scene):
+    """By rosbags: the poses in the map, whose covariances and transforms must belong to them."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    found, transforms, poses = {}, {}, {}
+    names = sorted(scene.names)
+    times = [int(name[-10:-4]) if scene.names == SEQUENCE else i for i, name in enumerate(names)]
+    name_of = dict(zip(times, names, strict=True))
+    with Reader(path) as bag:
+        for connection, time, data in bag.messages():
+            message = store.deserialize_cdr(data, connection.msgtype)
+            if connection.topic == "/tf":
+                (message,) = message.transforms
+                at, frame = message.transform, message.child_frame_id
+                transforms[time] = (
+                    [getattr(at.translation, a) for a in "xyz"],
+                    [getattr(at.rotation, a) for a in "xyzw"],
+                )
+                assert frame == "camera_optical_frame"
+            stamp = message.header.stamp
+            assert (stamp.sec * 10**9 + stamp.nanosec, message.header.frame_id) == (time, "map")
+            if connection.topic == "/localized_pose":
+                assert connection.msgtype == "geometry_msgs/msg/PoseWithCovarianceStamped"
+                name, pose = name_of[time // 10**9], message.pose.pose
+                poses[time] = [getattr(pose.position, a) for a in "xyz"], [getattr(pose.orientation, a) for a in "xyzw"]
+                found[name] = Rotation.from_quat(poses[time][1]).as_matrix(), np.array(poses[time][0])
+                assert np.array_equal(message.pose.covariance.reshape(6, 6), covariance_of(name))
+    assert transforms == poses and set(poses) == {time * 10**9 for time in times}
+    return found
+
+
 READERS = {
     "colmap": read_colmap,
     "transforms": read_transforms,
@@ -360,6 +399,7 @@ READERS = {
     "geopose": read_geopose,
     "geoposeypr": read_geopose,
     "kml": read_kml,
+    "ros2": read_ros2,
 }
 
 
@@ -573,6 +613,10 @@ def test_names_are_read_again_or_left_out(form, tmp_path, capfd):
     if form in ("tum", "kitti"):
         assert len(np.loadtxt(path)) == len(names)
         return
+    if form == "ros2":
+        with Reader(path) as bag:
+            assert bag.message_count == 2 * len(names)
+        return
     expected = {"f/g.jpg"} if form == "odmgeo" else set(names[:3])
     assert f"{4 - len(expected)} of 4 photos left out" in capfd.readouterr().err
     if form == "kml":
@@ -672,6 +716,39 @@ def test_kml_has_status_accuracy_and_angles(tmp_path):
     expected |= {"heading_deg": 45, "pitch_deg": 0, "roll_deg": 10, "heading_stddev_deg": 0.5, "height_m": 411}
     assert {name: float(value) for name, value in values.items()} == pytest.approx(expected, abs=1e-4)
     assert "confidence" not in points["d.jpg"][1]
+
+
+@pytest.mark.parametrize(
+    ("names", "stamps"),
+    [
+        (("cam/1.5.jpg", "cam/10.25.jpg"), [1_500_000_000, 10_250_000_000]),  # seconds
+        (("1403636579763.png", "1403636579813.png"), [1403636579763_000_000, 1403636579813_000_000]),
+        (("1403636579763555584.png", "1403636579813555456.png"), [1403636579763555584, 1403636579813555456]),
+        (("a.png", "b.png"), [0, 10**9]),
+    ],
+)
+def test_stamps_of_a_bag_are_the_times_in_names(names, stamps, tmp_path):
+    write_results(tmp_path, Scene(names=names))
+    path, code = export(tmp_path, "ros2")
+    assert code == 0 and sorted(file.name for file in path.iterdir()) == ["localized.db3", "metadata.yaml"]
+    with Reader(path) as bag:
+        times = [time for connection, time, _ in bag.messages() if connection.topic == "/tf"]
+    assert times == stamps
+
+
+def test_bag_needs_covariances_and_times(tmp_path, capfd):
+    write_results(tmp_path, Scene(names=("1.jpg", "99999999999999999999.jpg")))
+    path, code = export(tmp_path, "ros2")
+    assert code == 1 and not path.exists()
+    assert "photo '99999999999999999999.jpg': its number is no time" in capfd.readouterr().err
+    write_results(tmp_path)
+    lines = [json.loads(line) for line in (tmp_path / "results.jsonl").read_text().splitlines()]
+    lines[0]["pose_covariance_in_map"] = None
+    (tmp_path / "results.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    path, code = export(tmp_path, "ros2", "--with_database")
+    printed = capfd.readouterr()
+    assert code == 0 and printed.out == f"{path}: 4 poses\n"
+    assert "2 of 6 photos left out, because their covariances are not known" in printed.err
 
 
 def test_trajectory_of_a_rig_says_that_times_are_numbers(tmp_path, capfd):

@@ -43,6 +43,7 @@ EXTRAS = {
             "uvicorn": "uvicorn",
         },
     ),
+    "ros2": Extra("lazyloc export --format ros2: bags", {"rosbags": "rosbags"}),
     "onnx": Extra("photos against databases of ALIKED features", {"onnxruntime": "onnxruntime"}),
     "hloc": Extra("files of hloc, projection of points", {"h5py": "h5py", "pycolmap": "pycolmap"}),
 }
@@ -52,7 +53,7 @@ EXTRAS = {
 IS_DEBIAN_PACKAGE = pathlib.Path(__file__).is_relative_to("/usr/lib/python3/dist-packages")
 DEBIAN_NAMES = {"cv2": "python3-opencv", "PIL": "python3-pil"}
 # Or not as new as it must be, as those of `serve` in Debian 12.
-NOT_IN_DEBIAN = ("bokeh", "fastapi", "pillow-heif", "pycolmap", "python_multipart", "uvicorn")
+NOT_IN_DEBIAN = ("bokeh", "fastapi", "pillow-heif", "pycolmap", "python_multipart", "rosbags", "uvicorn")
 
 
 def is_installed(module: str) -> bool:

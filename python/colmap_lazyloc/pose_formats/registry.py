@@ -19,6 +19,7 @@ from colmap_lazyloc.pose_formats import (
     metashape,
     odm_geo,
     opensfm,
+    ros2,
     table,
     trajectories,
     transforms_json,
@@ -349,6 +350,17 @@ EXPORTS: dict[str, Export] = {
         "KML of Google Earth: a point for each photo, with its status, heading and accuracy",
         Convention(TO_WORLD, "rfu", "yaw, pitch, roll"),
         Writer(file_of(kml.text), World.EARTH, "intrinsics, heights of points (these are on the ground)"),
+    ),
+    "ros2": Export(
+        "A bag of ROS 2 with poses and their covariances, and /tf",
+        Convention(TO_WORLD, quaternion="xyzw"),
+        Writer(
+            ros2.write,
+            omits="names, intrinsics",
+            holds_name=_any_name,
+            folder=ros2.FILES,
+            needs_covariances=True,
+        ),
     ),
 }
 

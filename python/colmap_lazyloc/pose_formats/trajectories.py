@@ -115,11 +115,16 @@ def tum_text(raw: RawPoses) -> str:
     """Returns lines `timestamp tx ty tz qx qy qz qw`, by their times."""
     poses = {pose.name: pose for pose in raw.written if pose.name is not None}
     times = times_of(poses)
-    if any(time not in name for time, name in times):  # else a time is a part of its name
-        logger.warning("times are 0, 1, 2, ... in the order of the names, because the numbers in these are not unique")
+    warn_of_numbers(times)
     lines = ["# timestamp tx ty tz qx qy qz qw: poses world_from_cam of the localized queries"]
     lines += [f"{time} {words(poses[name].vector, poses[name].rotation)}" for time, name in times]
     return "\n".join(lines) + "\n"
+
+
+def warn_of_numbers(times: Sequence[tuple[str, str]]) -> None:
+    """Says so if the times of names are no parts of these."""
+    if any(time not in name for time, name in times):
+        logger.warning("times are 0, 1, 2, ... in the order of the names, because the numbers in these are not unique")
 
 
 def kitti_text(raw: RawPoses) -> str:

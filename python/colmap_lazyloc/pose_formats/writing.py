@@ -33,10 +33,10 @@ class Writer:
     """How a format is written.
 
     `write`: writes poses, as the file has them, to a path, which does not exist. `omits`: what the format has no place
-    for, beside covariances unless `has_covariances`. `cameras`: by the kind of a camera, the coefficients that it may
-    have; None if the format has all intrinsics, or none. `needs_camera`: a photo without intrinsics is left out.
-    `holds_name`: true for the name of a photo that the format can hold. `folder`: of a folder, the pattern of the names
-    of its files.
+    for, beside covariances. `cameras`: by the kind of a camera, the coefficients that it may have; None if the format
+    has all intrinsics, or none. `needs_camera`: a photo without intrinsics is left out. `holds_name`: true for the
+    name of a photo that the format can hold. `folder`: of a folder, the pattern of the names of its files.
+    `needs_covariances`: the format has these, and a photo without one is left out.
     """
 
     write: Callable[[pathlib.Path, RawPoses], None]
@@ -46,7 +46,7 @@ class Writer:
     needs_camera: bool = False
     holds_name: Callable[[str], bool] = str.isprintable
     folder: str | None = None
-    has_covariances: bool = False
+    needs_covariances: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +73,7 @@ def file_of(text: Callable[[RawPoses], str]) -> Callable[[pathlib.Path, RawPoses
 def raw_poses(posed: PosedImages, convention: Convention, writer: Writer, target: Target = NO_TARGET) -> RawPoses:
     """Returns the poses as a file of this convention has them, sorted by name. Names what is left out."""
     frame = _frame(writer.world, posed.origin, target)
-    images = _writable(posed.images, writer)
+    images = _certain(_writable(posed.images, writer), writer)
     poses = frame.from_local([image.cam_from_world for image in images], posed.origin)
     if target.similarity is not None:
         to_file = target.similarity.inverse()
@@ -110,7 +110,7 @@ def describe_omitted(posed: PosedImages, writer: Writer, target: Target) -> str:
     """Returns what the format has no place for, as a list."""
     is_placed = posed.origin is None or writer.world in (World.LOCAL, World.EARTH) or target.crs is not None
     place = "" if is_placed else f"the place on the Earth ({FILE_NAME})"
-    covariances = "" if writer.has_covariances else "covariances"
+    covariances = "" if writer.needs_covariances else "covariances"
     return ", ".join(text for text in (writer.omits, place, covariances) if text)
 
 
@@ -136,6 +136,18 @@ def _writable(images: Sequence[PosedImage], writer: Writer) -> list[PosedImage]:
             "%d of %d photos left out, because the format cannot hold their names: %s", len(bad), len(images), names
         )
     return sorted((image for image in images if writer.holds_name(image.name)), key=lambda image: image.name)
+
+
+def _certain(images: list[PosedImage], writer: Writer) -> list[PosedImage]:
+    """Returns the images with a covariance, if a format needs one."""
+    if not writer.needs_covariances:
+        return images
+    certain = [image for image in images if image.result and image.result.get("pose_covariance_in_map") is not None]
+    if len(certain) < len(images):
+        logger.warning(
+            "%d of %d photos left out, because their covariances are not known", len(images) - len(certain), len(images)
+        )
+    return certain
 
 
 def _cameras(images: Sequence[PosedImage], writer: Writer) -> list[Camera | None]:
