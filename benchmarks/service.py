@@ -3,8 +3,8 @@
     python -m benchmarks service DATABASE MODEL PHOTO...
 
 A quarter of the requests are the photos; the others are what a service gets, too: no photos, damaged ones, bombs, bad
-fields, senders that are slow or gone. Clients that get 503 try again after the time that it states. Exits with 1 if a
-request has no answer or a wrong one: a photo's must have the pose of `localize_all`, bit for bit.
+fields, wrong tokens, senders that are slow or gone. Clients that get 503 try again after the time that it states. Exits
+with 1 if a request has no answer or a wrong one: a photo's must have the pose of `localize_all`, bit for bit.
 """
 
 import argparse
@@ -19,6 +19,7 @@ import re
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 import zlib
 
@@ -46,8 +47,11 @@ BAD_FIELD = Kind("bad field", (422,))
 SLOW = Kind("slow sender", (200,))
 DROPPED = Kind("dropped connection", (None,))
 EMPTY = Kind("empty", (400,))
+WRONG_TOKEN = Kind("wrong token", (401,))
 MIX = (PHOTO, GARBAGE, CUT_OFF, BOMB, PHOTO, BAD_FIELD, DROPPED, EMPTY, PHOTO, SLOW, GARBAGE, DROPPED)
-MIX += (GARBAGE, BOMB, BAD_FIELD, EMPTY)
+MIX += (WRONG_TOKEN, BOMB, BAD_FIELD, EMPTY)
+TOKEN = "token-of-the-benchmark"
+HEADERS = {"Authorization": f"Bearer {TOKEN}"}
 
 
 def make_bomb():
@@ -89,17 +93,19 @@ class Load:
         photo = self.photos[name]
         if kind is DROPPED:
             _, writer = await asyncio.open_connection("127.0.0.1", self.port)
-            head = f"POST /localize HTTP/1.1\r\nHost: x\r\nContent-Length: {len(photo)}\r\n\r\n"
+            head = "POST /localize HTTP/1.1\r\nHost: x\r\n"
+            head += f"Authorization: {HEADERS['Authorization']}\r\nContent-Length: {len(photo)}\r\n\r\n"
             writer.write(head.encode() + photo[: len(photo) * (index % 5) // 4])  # sometimes all of it
             await writer.drain()
             writer.close()
             return None
         bodies = {GARBAGE: photo[1:], CUT_OFF: photo[: len(photo) // 2], BOMB: make_bomb(), EMPTY: b""}
         params = {"position": "1 2 3"} if kind is BAD_FIELD else {}
+        headers = {"Authorization": "Bearer another"} if kind is WRONG_TOKEN else HEADERS
         start = time.monotonic()
         while True:
             body = slowly(photo) if kind is SLOW else bodies.get(kind, photo)
-            answer = await client.post("/localize", content=body, params=params)
+            answer = await client.post("/localize", content=body, params=params, headers=headers)
             if answer.status_code != 503:
                 break
             self.busy += 1
@@ -129,14 +135,19 @@ def memory_mb(pid, name):
 def start_server(options):
     """Returns the process and its port."""
     command = [sys.executable, "-m", "colmap_lazyloc", "serve", options.model, "--database_path", options.database]
-    command += ["--port", "0", "--max_queue", str(options.max_queue)]
-    process = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
-    return process, int(re.search(r":(\d+)/", process.stderr.readline()).group(1))
+    command += ["--port", "0", "--max_queue", options.max_queue, *(f"--{text}" for text in options.option)]
+    with tempfile.NamedTemporaryFile("w", suffix=".txt") as tokens:
+        tokens.write(TOKEN)
+        tokens.flush()
+        command += ["--tokens", tokens.name]
+        process = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
+        return process, int(re.search(r":(\d+)/", process.stderr.readline()).group(1))
 
 
 def localize_directly(options, paths):
     """Returns the poses by name that `localize_all` finds, and its photos per second."""
-    with ll.Localizer(options.database, options.model) as localizer:
+    settings = dict(text.split("=", 1) for text in options.option)
+    with ll.Localizer(options.database, options.model, options=settings) as localizer:
         queries = [ll.Photo(path, name="photo") for path in paths]
         list(localizer.localize_all(queries[:NUM_WARM_UP]))
         poses = {path.name: localizer.localize_photo(path, name="photo").as_dict()["cam_from_world"] for path in paths}
@@ -151,10 +162,11 @@ def main(arguments):
     parser.add_argument("database", type=pathlib.Path)
     parser.add_argument("model", type=pathlib.Path)
     parser.add_argument("photos", type=pathlib.Path, nargs="+")
-    parser.add_argument("--num_requests", type=int, default=1600, help="for each number of clients")
+    parser.add_argument("--num_requests", type=int, nargs="+", default=[1600], help="of one or each number of clients")
     parser.add_argument("--num_direct", type=int, default=200, help="photos for localize_all")
     parser.add_argument("--num_clients", type=int, nargs="+", default=[1, 8, 64])
     parser.add_argument("--max_queue", type=int, default=16)
+    parser.add_argument("--option", action="append", default=[], metavar="NAME=VALUE", help="of the localizer")
     options = parser.parse_args(arguments)
     # A process of its own, so that the clients have nothing of it.
     with concurrent.futures.ProcessPoolExecutor(1) as process:
@@ -162,15 +174,16 @@ def main(arguments):
     photos = {path.name: path.read_bytes() for path in options.photos}
     server, port = start_server(options)
     for _, photo in zip(range(NUM_WARM_UP), itertools.cycle(photos.values())):
-        httpx.post(f"http://127.0.0.1:{port}/localize", content=photo, timeout=120)
+        httpx.post(f"http://127.0.0.1:{port}/localize", content=photo, headers=HEADERS, timeout=120)
     print(f"localize_all: {rate:.2f} photos per second\n")
     print("| requests | clients | photos per second | p50 s | p95 s | 503 | MB before | MB after | MB at most |")
     print("|---|---|---|---|---|---|---|---|---|")
     problems, statuses = [], collections.Counter()
-    rows = [(kinds, num_clients) for kinds in ((PHOTO,), MIX) for num_clients in options.num_clients]
-    for kinds, num_clients in rows:
+    nums_mixed = options.num_requests * (1 if len(options.num_requests) > 1 else len(options.num_clients))
+    rows = [((PHOTO,), num_clients, options.num_direct) for num_clients in options.num_clients]
+    rows += [(MIX, num_clients, num) for num_clients, num in zip(options.num_clients, nums_mixed, strict=True)]
+    for kinds, num_clients, num_requests in rows:
         load, before = Load(port, photos, expected), memory_mb(server.pid, "VmRSS")
-        num_requests = options.num_direct if kinds is not MIX else options.num_requests
         seconds = asyncio.run(load.run(num_clients, num_requests, kinds))
         num_photos = sum(count for (_, status), count in load.statuses.items() if status == 200)
         p50, p95 = np.percentile(load.seconds, [50, 95])
