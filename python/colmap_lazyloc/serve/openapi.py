@@ -81,7 +81,7 @@ def _numbers(*names: str) -> dict[str, Any]:
 CAMERA_READING = _object(
     ("timestamp", "imageBytes"),
     timestamp=NUMBER_TYPE,
-    imageBytes={"type": "string", "contentEncoding": "base64", "description": "A JPEG or PNG file"},
+    imageBytes={"type": "string", "minLength": 1, "contentEncoding": "base64", "description": "A JPEG or PNG file"},
     imageFormat={"type": "string", "description": "RGBA32, GRAY8: imageBytes may be these pixels without a file"},
     size={"type": "array", "items": NUMBER_TYPE, "minItems": 2, "maxItems": 2, "description": "width, height"},
     params=_object(
