@@ -51,8 +51,11 @@ def test_last_photo_gives_the_distance_from_a_single_image(server, two_walls, jp
     scene, photo, pose = two_walls
     alone = localize(server, photo, scene)
     assert alone["status"] != "LOCALIZED" and alone["bearing"]["from"] == "database/south.png"
-    assert localize(server, jpeg, scene, "phone")["status"] == "LOCALIZED"
-    answer = localize(server, photo, scene, "phone")
+    for _ in range(5):  # a busy machine may take longer than a session's place is good for
+        assert localize(server, jpeg, scene, "phone")["status"] == "LOCALIZED"
+        answer = localize(server, photo, scene, "phone")
+        if "priors" in answer:
+            break
     assert answer["status"] == "LOCALIZED" and answer["priors"]["position"]["fixes"] == "distance"
     before = scene.poses[scene.query_names[0]].cam_in_world
     error = np.array(answer["position"]) - pose.cam_in_world
@@ -112,25 +115,38 @@ def test_place_is_less_certain_with_time_and_forgotten(localized):
     assert store.prior("a", 0.0) is None
     store.add("a", 100.0, localized)
     stddevs = []
-    for seconds in (100.0, 101.0, 109.0):
+    for seconds in (100.0, 101.0, 103.0):
         position, covariance = store.prior("a", seconds)
         assert np.array_equal(position, localized.position)
         stddevs.append(np.sqrt(np.diag(covariance)))
     distance = localized.as_dict()["evidence"]["scene_distance"]
     assert 3 < distance < 15  # of the wall, in metres
-    np.testing.assert_allclose(stddevs, distance * np.array([[0.05], [0.25], [1.85]]) * np.ones(3), rtol=0.01)
-    assert store.prior("a", 110.1) is None and store.prior("b", 100.0) is None
+    np.testing.assert_allclose(stddevs, distance * np.array([[0.1], [0.4], [1.0]]) * np.ones(3), rtol=0.01)
+    assert store.prior("a", 103.1) is None and store.prior("b", 100.0) is None
 
 
 def test_older_photo_and_failure_change_nothing(localized):
     store = Sessions()
     store.add("a", 100.0, localized)
     store.add("a", 99.0, localized)
-    assert store.prior("a", 110.0) is not None
+    assert store.prior("a", 103.0) is not None
     fields = {"status": "NO_PAIRS", "evidence": None, "position": None, "position_covariance": None}
     failed = ll.Result("photo", json.dumps(fields), *[None] * 4)
-    store.add("a", 105.0, failed)
-    assert store.prior("a", 110.1) is None
+    store.add("a", 102.0, failed)
+    assert store.prior("a", 103.1) is None
+
+
+def test_place_from_a_session_is_not_the_next_ones(two_walls, localized):
+    """Else photos that each see one database image would lead anywhere."""
+    scene, photo, _ = two_walls
+    with ll.Localizer(scene.database_path, scene.model_path, options=SIFT) as localizer:
+        store = Sessions()
+        store.add("a", 100.0, localized)
+        query = _Query(photo, {"camera": scene.camera_words}, localizer, store.prior("a", 101.0))
+        result = query.localize()
+    assert result.is_localized and result.as_dict()["priors"]["position"]["fixes"] == "distance"
+    store.add("a", 101.0, result)
+    assert np.array_equal(store.prior("a", 102.0)[0], localized.position)
 
 
 def test_number_of_sessions_is_bounded(localized):

@@ -36,7 +36,7 @@ FIELDS = {  # text, example, pattern
         rf"^{NUMBER}([ ,]{NUMBER}){{3}}$",
     ),
     "session": (
-        "A name for the photos of one phone or robot: the place of the last one, at most 10 seconds before, is then a "
+        "A name for the photos of one phone or robot: the place of the last one, at most 3 seconds before, is then a "
         "`position`, unless the photo contradicts it",
         "phone-7",
         r"^[A-Za-z0-9._-]{1,64}$",

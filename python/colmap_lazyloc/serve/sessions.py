@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from colmap_lazyloc.inputs import PositionPrior
 from colmap_lazyloc.result import Result
+from colmap_lazyloc.result_fields import PriorFields, ResultFields
 
 MAX_NUM_SESSIONS = 1000
-MAX_AGE_SECONDS = 10.0
+MAX_AGE_SECONDS = 3.0
 # How far a camera moves, as standard deviations over its distance from the scene, because models have no known unit.
-MOVE_RATIO, MOVE_RATIO_PER_SECOND = 0.05, 0.2
+MOVE_RATIO, MOVE_RATIO_PER_SECOND = 0.1, 0.3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,12 +41,18 @@ class Sessions:
         return place.position, place.covariance + (ratio * place.scene_distance) ** 2 * np.eye(3)
 
     def add(self, session: Hashable, seconds: float, result: Result) -> None:
-        """Adds where a photo was taken that has arrived at a time in seconds, if it is localized."""
-        evidence = result.as_dict()["evidence"]
-        distance = None if evidence is None else evidence["scene_distance"]
+        """Adds where a photo was taken that has arrived at a time in seconds, if its images determine that.
+
+        A place that rests on an earlier one is not added: from photo to photo, its error would grow without end.
+        """
+        fields = result.as_dict()
+        distance = None if fields["evidence"] is None else fields["evidence"]["scene_distance"]
         position, covariance = result.position, result.position_covariance
         before = self._places.get(session)
         if position is None or covariance is None or distance is None or (before and before.seconds > seconds):
+            return
+        prior = _position_prior(fields)
+        if prior is not None and prior["fixes"] != "nothing":
             return
         self._places[session] = _Place(seconds, position, covariance, distance)
         self._places.move_to_end(session)
@@ -58,7 +65,12 @@ class Sessions:
 
 def agrees(result: Result) -> bool:
     """True if a pose agrees with the position of a session, and is not that position."""
-    priors = result.as_dict().get("priors")
-    position = None if priors is None else priors["position"]
-    is_used = position is not None and position["verdict"] == "used" and position["fixes"] != "position"
+    prior = _position_prior(result.as_dict())
+    is_used = prior is not None and prior["verdict"] == "used" and prior["fixes"] != "position"
     return result.is_localized and is_used
+
+
+def _position_prior(fields: ResultFields) -> PriorFields | None:
+    """Returns what became of a query's position; None if it was given none."""
+    priors = fields.get("priors")
+    return None if priors is None else priors["position"]
