@@ -13,6 +13,8 @@ import pytest
 import colmap_lazyloc as ll
 from colmap_lazyloc.onnx import LIBRARY_VARIABLE
 from conftest import DATA_PATH, assert_refused
+from exif import stored_camera, stored_pose, write_oriented
+from photo_scene import CAMERA
 
 onnxruntime = pytest.importorskip("onnxruntime")
 pycolmap = pytest.importorskip("pycolmap", minversion="4")
@@ -273,3 +275,25 @@ def test_mutated_model_is_one_line_or_a_result(scene, localize, tmp_path, models
 def test_impossible_option_is_named(scene, queries, localize):
     run = localize(*scene.arguments(queries)[:-4], "--onnx_path", MODELS_PATH, "--AlikedExtraction.max_num_features", 0)
     assert_refused(run, "option --AlikedExtraction.max_num_features must be >= 1, but is 0")
+
+
+@pytest.mark.parametrize("matcher, orientation", [("ALIKED_BRUTEFORCE", 3), ("ALIKED_LIGHTGLUE", 6)])
+def test_photo_that_exif_turns_matches_as_upright(scene, localize, tmp_path, matcher, orientation):
+    """It has as many inliers as the upright photo, and the pose of its stored pixels."""
+    name = scene.photos.query_names[0]
+    inliers = {}
+    for each in (1, orientation):
+        write_oriented(tmp_path / f"{each}.jpg", scene.photos.image_path / name, each)
+        line = f"{each}.jpg {stored_camera(CAMERA, each).text()}\n"
+        (tmp_path / "queries.txt").write_text(line)
+        arguments = scene.arguments(tmp_path / "queries.txt", "--FeatureMatching.type", matcher)
+        arguments[arguments.index("--image_path") + 1] = tmp_path
+        run = localize(*arguments)
+        (result,) = run.results.values()
+        assert result["status"] == "LOCALIZED", result["reason"]
+        position_error, rotation_error_deg = run.poses[f"{each}.jpg"].errors(
+            stored_pose(scene.photos.poses[name], each)
+        )
+        assert position_error < 0.05 and rotation_error_deg < 0.3
+        inliers[each] = [pair["num_inliers"] for pair in result["pairs"]]
+    assert sum(inliers[orientation]) == pytest.approx(sum(inliers[1]), rel=0.1)

@@ -7,6 +7,7 @@
 #include "colmap_lazyloc/bridge/sift.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
+#include "colmap_lazyloc/scene/quarter_turns.h"
 
 namespace lazyloc {
 namespace {
@@ -42,9 +43,14 @@ std::string ExifMakeAndModel(const std::string& colmap_name) {
 std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path, bool as_rgb) {
   auto bitmap = std::make_shared<colmap::Bitmap>();
   if (!bitmap->Read(path.string(), as_rgb)) return std::nullopt;
+  const int orientation = static_cast<int>(ExifNumber(*bitmap, "Orientation").value_or(0));
   PhotoFile file;
-  file.properties_ = {static_cast<uint64_t>(bitmap->Width()), static_cast<uint64_t>(bitmap->Height()),
-                      ExifFocalLengthPx(*bitmap), ExifMakeAndModel(ExifCameraName(*bitmap))};
+  file.properties_ = {static_cast<uint64_t>(bitmap->Width()),
+                      static_cast<uint64_t>(bitmap->Height()),
+                      ExifFocalLengthPx(*bitmap),
+                      ExifMakeAndModel(ExifCameraName(*bitmap)),
+                      TurnsOfExif(orientation),
+                      IsMirrored(orientation)};
   file.pixels_ = std::move(bitmap);
   return file;
 }
@@ -80,6 +86,9 @@ Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options, IdleTh
   LAZYLOC_CHECK(options.max_num_features > 0 && options.first_octave >= -1);
   colmap::Bitmap bitmap = pixels_->IsRGB() ? pixels_->CloneAsGrey() : *pixels_;
   ScaleDown(options.max_image_size, &std::trunc, &bitmap);
+  const auto stored_width = static_cast<float>(bitmap.Width()), stored_height = static_cast<float>(bitmap.Height());
+  const int quarter_turns = options.turns_photos ? properties_.quarter_turns : 0;
+  if (quarter_turns > 0) Turn(quarter_turns, &bitmap);
   Features features;
   colmap::FeatureKeypoints keypoints;
   if (!options.estimate_affine_shape && !options.domain_size_pooling) {
@@ -88,11 +97,12 @@ Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options, IdleTh
   } else if (!ExtractSift(bitmap, options, &keypoints, &features.descriptors)) {
     return features;  // image too small
   }
-  const float scale_x = static_cast<float>(properties_.width) / bitmap.Width();
-  const float scale_y = static_cast<float>(properties_.height) / bitmap.Height();
-  for (colmap::FeatureKeypoint& keypoint : keypoints) {
-    keypoint.Rescale(scale_x, scale_y);
-    features.keypoints.push_back({keypoint.x, keypoint.y, keypoint.a11, keypoint.a12, keypoint.a21, keypoint.a22});
+  const float scale_x = static_cast<float>(properties_.width) / stored_width;
+  const float scale_y = static_cast<float>(properties_.height) / stored_height;
+  for (const auto& [x, y, a11, a12, a21, a22] : keypoints) {
+    features.keypoints.push_back(Scaled(Turned({x, y, a11, a12, a21, a22}, TurnsBack(quarter_turns),
+                                               static_cast<float>(bitmap.Width()), static_cast<float>(bitmap.Height())),
+                                        scale_x, scale_y));
   }
   return features;
 }
@@ -100,6 +110,7 @@ Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options, IdleTh
 RgbImage PhotoFile::ToRgb(int max_size) const {
   colmap::Bitmap bitmap = pixels_->IsRGB() ? *pixels_ : pixels_->CloneAsRGB();
   ScaleDown(max_size, &std::round, &bitmap);
+  if (properties_.quarter_turns > 0) Turn(properties_.quarter_turns, &bitmap);
   return {bitmap.Width(), bitmap.Height(), RgbValues(bitmap)};
 }
 

@@ -29,16 +29,19 @@ struct SiftExtractionOptions {
   bool estimate_affine_shape = false;
   bool domain_size_pooling = false;
   bool upright = false;
+  bool turns_photos = false;  // turns photos upright by EXIF before extraction, as COLMAP does from 4.0 on
 
   bool Check(std::string* error) const;
 };
 
 // What an image file tells about its camera.
 struct PhotoProperties {
-  uint64_t width = 0;  // of the stored pixels: like COLMAP, this ignores the orientation in EXIF
+  uint64_t width = 0;  // of the pixels as stored, whatever the orientation in EXIF
   uint64_t height = 0;
   std::optional<double> exif_focal_length_px;
-  std::string exif_camera;  // make and model; empty if unknown
+  std::string exif_camera;   // make and model; empty if unknown
+  int quarter_turns = 0;     // that make the stored pixels upright, by EXIF (scene/quarter_turns.h)
+  bool is_mirrored = false;  // true if the stored pixels are a mirror image, by EXIF
 };
 
 // Pixels row by row, with three values each.
@@ -60,11 +63,12 @@ class PhotoFile {
   static PhotoFile FromPixels(const uint8_t* values, int width, int height, int num_channels);
 
   const PhotoProperties& Properties() const { return properties_; }
-  // Extracts features like COLMAP's feature_extractor, with keypoints in pixels of the file. Returns none if the image
-  // is too small. No option may follow the database. Thread-safe. Uses idle threads, too, except for affine shapes and
-  // domain-size pooling.
+  // Extracts features like COLMAP's feature_extractor, with keypoints in pixels of the file as stored. Returns none if
+  // the image is too small. No option may follow the database. Thread-safe. Uses idle threads, too, except for affine
+  // shapes and domain-size pooling.
   Features ExtractFeatures(const SiftExtractionOptions& options, IdleThreads* idle_threads) const;
-  // Returns the pixels, scaled down to a longer side of at most max_size like COLMAP 4's feature extraction.
+  // Returns the pixels, scaled down to a longer side of at most max_size and then turned upright, like COLMAP 4's
+  // feature extraction.
   RgbImage ToRgb(int max_size) const;
 
  private:

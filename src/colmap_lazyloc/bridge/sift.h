@@ -44,6 +44,11 @@ bool ReadReduced(const std::filesystem::path& path, int size, colmap::Bitmap* bi
 // Returns a black bitmap.
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb);
 
+// Turns a bitmap counter-clockwise, by 1 to 3 quarter turns.
+void Turn(int quarter_turns, colmap::Bitmap* bitmap);
+
+// Returns a number of EXIF by the name of its tag, such as PixelXDimension or Orientation; nullopt if EXIF has none.
+std::optional<double> ExifNumber(const colmap::Bitmap& bitmap, const std::string& tag);
 // Returns the focal length of EXIF in pixels, nullopt if EXIF has no positive one.
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap);
 // Returns COLMAP's name of the camera in EXIF; empty if EXIF lacks the make, the model or the focal length.

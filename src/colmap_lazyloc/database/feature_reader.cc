@@ -57,6 +57,8 @@ FeatureReader::FeatureReader(const std::filesystem::path& path)
       keypoints_(connection_.Prepare("keypoints", "SELECT rows, cols, data FROM keypoints WHERE image_id = ?1")),
       descriptors_(PrepareDescriptors(connection_, "rows, data", "WHERE image_id = ?1")) {}
 
+bool FeatureReader::HasGravity() const { return connection_.ColumnNames("pose_priors").count("gravity") > 0; }
+
 DescriptorCounts FeatureReader::ReadDescriptorCounts(std::vector<std::string>* damages) const {
   DescriptorCounts counts;
   uint32_t image_id = 0;

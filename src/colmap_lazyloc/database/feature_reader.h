@@ -44,6 +44,9 @@ class FeatureReader : public FeatureSource {
   // Counts the descriptors without reading them. Leaves out images whose record is damaged, and appends the damage to
   // `damages` unless it is null. Throws InputError if there are descriptors of several types.
   DescriptorCounts ReadDescriptorCounts(std::vector<std::string>* damages = nullptr) const;
+  // True if the version of the database has the direction of gravity in images. COLMAP from that version on extracts
+  // features from photos that it has turned upright.
+  bool HasGravity() const;
   // Returns the keypoints of an image; empty if it has none.
   std::vector<Keypoint> ReadKeypoints(uint32_t image_id) const;
   // Returns as many keypoints as descriptors; both are empty if the image has none.

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
 #include "colmap_lazyloc/scene/options_check.h"
+#include "colmap_lazyloc/scene/quarter_turns.h"
 
 namespace lazyloc {
 namespace {
@@ -116,17 +117,26 @@ OnnxTensor DescriptorTensor(const Features& features, std::vector<int64_t> shape
   return {std::move(shape), std::move(values)};
 }
 
+// LightGlue sees an image as its features were extracted: turned upright. COLMAP takes the turns from the image's
+// gravity, which a database need not have.
+int TurnsOf(const Features& features) { return TurnsBeforeExtraction(features.keypoints.front()); }
+
 // LightGlue's pixels begin in the centre of the first one, COLMAP's in its corner.
-OnnxTensor KeypointTensor(const Features& features) {
+OnnxTensor KeypointTensor(const Features& features, const Camera& camera) {
+  const int quarter_turns = TurnsOf(features);
   std::vector<float> values;
-  for (const Keypoint& keypoint : features.keypoints) {
+  for (const Keypoint& stored : features.keypoints) {
+    const Keypoint keypoint =
+        Turned(stored, quarter_turns, static_cast<float>(camera.width), static_cast<float>(camera.height));
     values.insert(values.end(), {keypoint.x - 0.5f, keypoint.y - 0.5f});
   }
   return {{1, static_cast<int64_t>(features.keypoints.size()), 2}, std::move(values)};
 }
 
-OnnxTensor SizeTensor(const Camera& camera) {
-  return {{1, 2}, std::vector<float>{static_cast<float>(camera.width), static_cast<float>(camera.height)}};
+OnnxTensor SizeTensor(const Features& features, const Camera& camera) {
+  std::vector<float> size = {static_cast<float>(camera.width), static_cast<float>(camera.height)};
+  if (TurnsOf(features) % 2 == 1) std::swap(size[0], size[1]);
+  return {{1, 2}, std::move(size)};
 }
 
 }  // namespace
@@ -147,7 +157,7 @@ Aliked::Aliked(FeatureType type, MatcherType matcher, const AlikedOptions& optio
       options_(options),
       extractor_(LoadExtractor(type, options)),
       matcher_(LoadMatcher(matcher, options)),
-      key_(Format("%s %d %d %d %s", EnumName(type), options.max_image_size, options.max_num_features,
+      key_(Format("%s upright %d %d %d %s", EnumName(type), options.max_image_size, options.max_num_features,
                   static_cast<int>(options.has_full_contrast), FileContent(extractor_.Path()).c_str())) {}
 
 void Aliked::LoadModels() const {
@@ -172,17 +182,20 @@ Features Aliked::Extract(const PhotoFile& photo, double, IdleThreads*) const {
   // Keypoints are from -1 to 1 between the centres of the first and the last pixel of the enlarged image.
   const float scale_x = 0.5f * static_cast<float>(RoundUp(image.width) - 1);
   const float scale_y = 0.5f * static_cast<float>(RoundUp(image.height) - 1);
-  const float file_scale_x = static_cast<float>(photo.Properties().width) / static_cast<float>(image.width);
-  const float file_scale_y = static_cast<float>(photo.Properties().height) / static_cast<float>(image.height);
+  const auto width = static_cast<float>(image.width), height = static_cast<float>(image.height);
+  const PhotoProperties& file = photo.Properties();
+  const bool is_swapped = file.quarter_turns % 2 == 1;
+  const float file_scale_x = static_cast<float>(file.width) / (is_swapped ? height : width);
+  const float file_scale_y = static_cast<float>(file.height) / (is_swapped ? width : height);
   Features features;
   features.type = type_;
   std::vector<float> kept;
   for (size_t i = 0; i < scores.size(); ++i) {
     const float x = (xys[2 * i] + 1) * scale_x + 0.5f, y = (xys[2 * i + 1] + 1) * scale_y + 0.5f;
-    const bool is_inside =
-        x >= 0 && y >= 0 && x < static_cast<float>(image.width) && y < static_cast<float>(image.height);
+    const bool is_inside = x >= 0 && y >= 0 && x < width && y < height;
     if (!is_inside || !(scores[i] >= kMinScore)) continue;
-    features.keypoints.push_back({x * file_scale_x, y * file_scale_y, file_scale_x, 0, 0, file_scale_y});
+    features.keypoints.push_back(
+        Scaled(Turned({x, y}, TurnsBack(file.quarter_turns), width, height), file_scale_x, file_scale_y));
     kept.insert(kept.end(), &descriptors[kDescriptorLength * i],
                 &descriptors[kDescriptorLength * i] + kDescriptorLength);
   }
@@ -224,8 +237,8 @@ Matches Aliked::MatchByLightGlue(const Features& query, const Camera& query_came
     return DescriptorTensor(features, {1, features.descriptors.rows(), kDescriptorLength});
   };
   const std::vector<OnnxTensor> outputs =
-      matcher_.Run({KeypointTensor(query), KeypointTensor(database), tensor(query), tensor(database),
-                    SizeTensor(query_camera), SizeTensor(database_camera)});
+      matcher_.Run({KeypointTensor(query, query_camera), KeypointTensor(database, database_camera), tensor(query),
+                    tensor(database), SizeTensor(query, query_camera), SizeTensor(database, database_camera)});
   // COLMAP's model may write the indices as floats. -1: no match.
   std::vector<int64_t> neighbours;
   const auto add = [&](const auto& values) {

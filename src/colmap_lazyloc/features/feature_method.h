@@ -28,7 +28,8 @@ class FeatureMethod {
   // Loads models now rather than with the first photo. Throws InputError naming the file of another model.
   virtual void LoadModels() const {}
 
-  // Returns the features, with keypoints in pixels of the file. focal_length_px: of the photo. Uses idle threads, too.
+  // Returns the features, with keypoints in pixels of the file as stored. focal_length_px: of the photo. Uses idle
+  // threads, too.
   virtual Features Extract(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const = 0;
   // Returns the sorted matches. Uses the calling thread alone.
   virtual Matches Match(const Features& query, const Camera& query_camera, const Features& database,

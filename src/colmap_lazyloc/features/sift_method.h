@@ -15,7 +15,7 @@ class Sift : public FeatureMethod {
   FeatureType Type() const override { return FeatureType::SIFT; }
   MatcherType Matcher() const override { return MatcherType::SIFT_BRUTEFORCE; }
   std::string Describe() const override;
-  std::string Key() const override { return Describe(); }
+  std::string Key() const override { return Describe() + (options_.turns_photos ? " upright" : ""); }
   bool NeedsColours() const override { return false; }
   Features Extract(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const override;
   Matches Match(const Features& query, const Camera& query_camera, const Features& database,

@@ -123,7 +123,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
                      (options.on_demand ? ", or a photo below --image_path" : " (run COLMAP's feature_extractor)"));
   }
   MeasureCandidates(counts.of_image, features);
-  ChooseMethods(counts.type, database.Path().string());
+  ChooseMethods(counts.type, features);
   if (!options.matches_output_path.empty()) {
     std::vector<std::string> names;
     for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
@@ -163,8 +163,11 @@ std::unique_ptr<RetrievalIndex> PhotoLoader::MakeIndex(const DatabaseReader& dat
                                           num_threads);
 }
 
-void PhotoLoader::ChooseMethods(FeatureType type, const std::string& database_path) {
-  methods_ = MakeFeatureMethods(type, statistics_, database_scale_, database_path, options_.features);
+void PhotoLoader::ChooseMethods(FeatureType type, const FeatureReader& reader) {
+  const std::string database_path = reader.Path().string();
+  FeatureOptions feature_options = options_.features;
+  feature_options.sift.turns_photos = reader.HasGravity();
+  methods_ = MakeFeatureMethods(type, statistics_, database_scale_, database_path, feature_options);
   if (options_.on_demand) {
     if (type != FeatureType::SIFT) {
       throw InputError(database_path + ": has features of type " + EnumName(type) +
@@ -273,8 +276,14 @@ PhotoFile PhotoLoader::ReadFile(const PhotoQuery& photo, const FeatureMethod& me
       std::filesystem::path(options_.image_path) / (photo.path.empty() ? photo.name : photo.path);
   const std::optional<PhotoFile> file =
       Timed("extraction", &record->seconds, [&] { return PhotoFile::Read(path, method.NeedsColours()); });
-  if (file) return *file;
-  throw Refusal{QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image"};
+  if (!file) {
+    throw Refusal{QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image"};
+  }
+  if (file->Properties().is_mirrored) {
+    throw Refusal{QueryStatus::UNREADABLE_IMAGE,
+                  path.string() + " is stored as a mirror image, as EXIF says, which no pose fits: mirror its pixels"};
+  }
+  return *file;
 }
 
 DatabaseFeatures PhotoLoader::AddPairs(const Candidates& candidates, const FeatureReader& features,

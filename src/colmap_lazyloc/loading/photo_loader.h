@@ -77,7 +77,7 @@ class PhotoLoader {
   // Returns the index, of coarse features if features are extracted on demand.
   std::unique_ptr<RetrievalIndex> MakeIndex(const DatabaseReader& database, int num_threads) const;
   // Sets what extracts and matches features like those of the database.
-  void ChooseMethods(FeatureType type, const std::string& database_path);
+  void ChooseMethods(FeatureType type, const FeatureReader& reader);
   // Throws Refusal if the file is not a readable image.
   PhotoFile ReadFile(const PhotoQuery& photo, const FeatureMethod& method, QueryRecord* record) const;
   // Returns the cameras that have the photo's size, of which one may have taken it, with their makes and models if the

@@ -37,6 +37,12 @@ struct Features {
   FeatureType type = FeatureType::SIFT;
 };
 
+// Returns a keypoint after its image was scaled.
+inline Keypoint Scaled(const Keypoint& keypoint, float scale_x, float scale_y) {
+  const auto [x, y, a11, a12, a21, a22] = keypoint;
+  return {x * scale_x, y * scale_y, a11 * scale_x, a12 * scale_y, a21 * scale_x, a22 * scale_y};
+}
+
 // Returns the positions of keypoints, in pixels.
 inline std::vector<Eigen::Vector2d> Positions(const std::vector<Keypoint>& keypoints) {
   std::vector<Eigen::Vector2d> positions;

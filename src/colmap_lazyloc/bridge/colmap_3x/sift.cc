@@ -58,6 +58,32 @@ colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) {
   return bitmap;
 }
 
+void Turn(int quarter_turns, colmap::Bitmap* bitmap) {
+  FIBITMAP* const turned = FreeImage_Rotate(bitmap->Data(), 90.0 * quarter_turns);
+  LAZYLOC_CHECK(turned != nullptr);
+  *bitmap = colmap::Bitmap(turned);
+}
+
+std::optional<double> ExifNumber(const colmap::Bitmap& bitmap, const std::string& name) {
+  for (const FREE_IMAGE_MDMODEL directory : {FIMD_EXIF_MAIN, FIMD_EXIF_EXIF}) {
+    FITAG* tag = nullptr;
+    if (!FreeImage_GetMetadata(directory, const_cast<FIBITMAP*>(bitmap.Data()), name.c_str(), &tag)) continue;
+    const void* const value = FreeImage_GetTagValue(tag);
+    if (value == nullptr || FreeImage_GetTagCount(tag) != 1) continue;
+    switch (FreeImage_GetTagType(tag)) {
+      case FIDT_SHORT: return *static_cast<const uint16_t*>(value);
+      case FIDT_LONG: return *static_cast<const uint32_t*>(value);
+      case FIDT_RATIONAL: {
+        const auto* const ratio = static_cast<const uint32_t*>(value);
+        if (ratio[1] > 0) return static_cast<double>(ratio[0]) / ratio[1];
+        continue;
+      }
+      default: continue;
+    }
+  }
+  return std::nullopt;
+}
+
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
   const std::lock_guard<std::mutex> lock(exif_mutex);
   double focal_length = 0;

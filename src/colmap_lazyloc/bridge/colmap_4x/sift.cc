@@ -31,6 +31,14 @@ bool ReadReduced(const std::filesystem::path& path, int, colmap::Bitmap* bitmap)
 
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) { return colmap::Bitmap(width, height, as_rgb); }
 
+void Turn(int quarter_turns, colmap::Bitmap* bitmap) { bitmap->Rot90(quarter_turns); }
+
+std::optional<double> ExifNumber(const colmap::Bitmap& bitmap, const std::string& tag) {
+  float value = 0;
+  const bool is_found = bitmap.GetMetaData(tag, "float", &value) || bitmap.GetMetaData("Exif:" + tag, "float", &value);
+  return is_found ? std::make_optional<double>(value) : std::nullopt;
+}
+
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
   const std::optional<double> focal_length = bitmap.ExifFocalLength();
   return focal_length.value_or(0) > 0 ? focal_length : std::nullopt;
