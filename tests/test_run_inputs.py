@@ -21,6 +21,7 @@ from colmap_lazyloc.project.photos import convert_photos, find_photos, link_phot
 from colmap_lazyloc.report import __main__ as report
 from colmap_lazyloc.results import read_results
 from colmap_lazyloc.testing import synthetic
+from exif import write_oriented
 
 CAMERA = photo_scene.CAMERA
 EXIF_MAKE = 271
@@ -174,6 +175,43 @@ def test_photos_of_phones_are_converted_once(run, place, photos, tmp_path, capsy
     assert "converting" not in (err := capsys.readouterr().err) and "localizing" not in err
 
 
+def test_photos_that_colmap_misreads_are_converted(run, place, photos, capsys):
+    """Colours of 16 bits, mirror images, and a photo of a phone with the ending of another format."""
+    pytest.importorskip("pillow_heif").register_heif_opener()
+    for role, source in ((DATABASE, "0.png"), (QUERY, "0.png")):
+        path = place / role / source
+        cv2.imwrite(str(path), cv2.imread(str(path)).astype(np.uint16) * 257)
+    for role in (DATABASE, QUERY):
+        path = place / role / "1.png"
+        write_oriented(path.with_suffix(".jpg"), path, 5)
+        path.with_suffix(".jpg").rename(path)
+    path = place / DATABASE / "2.png"
+    PIL.Image.open(path).convert("RGB").save(path, "HEIF", quality=90)
+    output = run()
+    assert localized(output) == ["query/0.png", "query/1.png"]
+    assert read_poses(output / "localized" / "poses.txt")["query/1.png"].errors(photos.poses["query/1.png"])[0] < 0.05
+    with sqlite3.connect(output / "database.db") as database:
+        assert database.execute("SELECT COUNT(*) FROM keypoints WHERE rows > 100").fetchone() == (6,)
+
+
+def test_converted_photos_follow_the_photos(tmp_path, caplog):
+    """What is gone is removed; a photo that cannot be converted is tried once."""
+    caplog.set_level("INFO")
+    good, bad = tmp_path / "good.avif", tmp_path / "bad.avif"
+    PIL.Image.new("RGB", (64, 48), "red").save(good)
+    bad.write_bytes(good.read_bytes()[:100])
+    folder = Folder(tmp_path / "output")
+    paths = {path.name: path for path in (good, bad)}
+    converted = convert_photos(folder, QUERY, paths)
+    assert converted["good.avif"].suffix == ".jpg" and converted["bad.avif"] == bad
+    assert "converting 2 photos" in caplog.text
+    caplog.clear()
+    assert convert_photos(folder, QUERY, paths) == converted and not caplog.text
+    convert_photos(folder, DATABASE, {"good.avif": good})
+    assert convert_photos(folder, QUERY, {}) == {}
+    assert [path.parent.name for path in folder.converted.rglob("*.*")] == [DATABASE]
+
+
 def test_photos_that_colmap_cannot_read_are_counted(tmp_path, caplog):
     """All of them are an error, as a single one is; some of them are a warning."""
     folder = tmp_path / "photos"
@@ -212,7 +250,7 @@ def test_phones_photos_without_exif_and_damaged_ones(place, tmp_path):
             damaged[40 + 7 * index : 44 + 7 * index] = b"\xff\x00\xff\x00"
             paths[f"{index}.{suffix}"] = tmp_path / f"{index}.{suffix}"
             paths[f"{index}.{suffix}"].write_bytes(damaged)
-    converted = convert_photos(Folder(tmp_path / "output"), paths)
+    converted = convert_photos(Folder(tmp_path / "output"), QUERY, paths)
     assert converted.keys() == paths.keys()
     for suffix in ("heic", "avif"):
         assert photo_size(converted[f"whole.{suffix}"]) == photo.size

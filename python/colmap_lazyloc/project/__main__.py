@@ -184,7 +184,7 @@ def _make_images(
     project: steps.Project, options: argparse.Namespace, role: str, photos: Mapping[str, pathlib.Path]
 ) -> Images:
     """Links photos, given by name, or the faces of panoramas, into the project."""
-    paths = convert_photos(project.folder, photos)
+    paths = convert_photos(project.folder, role, photos)
     source = options.database_images if role == DATABASE else options.queries
     if options.masks is not None and options.masks.resolve() == source.resolve():
         masks = {f"{name}.png" for name in paths}

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.extras import is_installed
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.posed_images import (
     IMAGE_SUFFIXES,
@@ -22,6 +23,9 @@ from colmap_lazyloc.project.folder import Folder, content, fingerprint, remove
 # the backslash, which COLMAP takes for a slash.
 UNSAFE = re.compile(r"[\s\\\x00-\x1f\x7f-\x9f\ud800-\udfff]")
 JPEG_QUALITY = 95  # of converted photos
+REFUSED = ".refused"  # ending of the mark of a photo that could not be converted
+PHONE_FORMATS = ("AVIF", "HEIF")  # Pillow's names
+ORIENTATION, MIRRORED = 0x0112, (2, 4, 5, 7)  # tag of EXIF, and its values for mirror images
 MAX_NUM_NAMED = 5  # of photos that are left out
 
 
@@ -51,32 +55,61 @@ def _describe(names: Sequence[str]) -> str:
     return f"{files} left out: {kinds} (COLMAP cannot read {them}: {remedy})"
 
 
-def convert_photos(folder: Folder, paths: Mapping[str, pathlib.Path]) -> dict[str, pathlib.Path]:
-    """Converts photos of phones, which COLMAP cannot read, to JPEG; returns the paths of all photos by name.
+def convert_photos(folder: Folder, role: str, paths: Mapping[str, pathlib.Path]) -> dict[str, pathlib.Path]:
+    """Converts photos to JPEG that COLMAP cannot read, or not as they are meant; returns the paths of all by name.
 
-    Files that cannot be converted stay as they are. A converted one is kept by the content of the file.
+    Files that cannot be converted stay as they are. What was converted, or could not be, is kept by the content of the
+    file for as long as there is a photo of this role with it.
     """
-    suffixes = convertible_suffixes()
-    chosen = {name: path for name, path in paths.items() if name.lower().endswith(suffixes)}
-    targets = {name: folder.converted / f"{content(path)}.jpg" for name, path in chosen.items()}
-    missing = {target: chosen[name] for name, target in targets.items() if not target.exists()}
+    if not is_installed("PIL"):
+        return dict(paths)
+    convertible_suffixes()  # so that Pillow reads photos of phones
+    with concurrent.futures.ThreadPoolExecutor() as threads:
+        is_chosen = dict(zip(paths, threads.map(_needs_conversion, paths.values()), strict=True))
+    place = folder.converted / role
+    targets = {name: place / f"{content(path)}.jpg" for name, path in paths.items() if is_chosen[name]}
+    kept = set(targets.values())
+    for path in place.iterdir() if place.is_dir() else ():
+        if path.with_suffix(".jpg") not in kept:
+            path.unlink()
+    missing = {
+        target: paths[name]
+        for name, target in targets.items()
+        if not target.exists() and not target.with_suffix(REFUSED).exists()
+    }
     if missing:
         logger.info("converting %d photos to JPEG", len(missing))
-        folder.converted.mkdir(parents=True, exist_ok=True)
+        place.mkdir(parents=True, exist_ok=True)
         with concurrent.futures.ThreadPoolExecutor() as threads:
             list(threads.map(_convert, missing.values(), missing))
     return {**paths, **{name: target for name, target in targets.items() if target.exists()}}
 
 
-def _convert(path: pathlib.Path, target: pathlib.Path) -> None:
-    """Writes a JPEG file with the EXIF of a photo, unless the photo cannot be read."""
+def _needs_conversion(path: pathlib.Path) -> bool:
+    """True for photos of phones, for 16 bits per colour, and for pixels that EXIF calls a mirror image."""
     import PIL.Image
 
     try:
         with PIL.Image.open(path) as photo:
-            exif = photo.info.get("exif") or b""
-            pixels = photo.convert("RGB")
+            has_16_bits = photo.mode in ("RGB", "RGBA") and any(";16" in str(tile) for tile in photo.tile)
+            return photo.format in PHONE_FORMATS or has_16_bits or photo.getexif().get(ORIENTATION) in MIRRORED
     except Exception:  # each decoder raises others for damaged files
+        return path.name.lower().endswith(PHONE_SUFFIXES)  # so that it is refused once
+
+
+def _convert(path: pathlib.Path, target: pathlib.Path) -> None:
+    """Writes a JPEG file with the EXIF of a photo; a mark that it is refused if the photo cannot be read."""
+    import PIL.Image
+    import PIL.ImageOps
+
+    try:
+        with PIL.Image.open(path) as photo:
+            is_mirrored = photo.getexif().get(ORIENTATION) in MIRRORED
+            upright = PIL.ImageOps.exif_transpose(photo) if is_mirrored else photo
+            exif = upright.info.get("exif") or b""
+            pixels = upright.convert("RGB")
+    except Exception:  # each decoder raises others for damaged files
+        target.with_suffix(REFUSED).touch()
         return
     staged = target.with_suffix(".tmp")
     pixels.save(staged, "JPEG", quality=JPEG_QUALITY, subsampling=0, exif=exif)

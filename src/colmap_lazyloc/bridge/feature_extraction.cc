@@ -42,7 +42,7 @@ std::string ExifMakeAndModel(const std::string& colmap_name) {
 
 std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path, bool as_rgb) {
   auto bitmap = std::make_shared<colmap::Bitmap>();
-  if (!bitmap->Read(path.string(), as_rgb)) return std::nullopt;
+  if (!ReadImage(path, as_rgb, bitmap.get())) return std::nullopt;
   const int orientation = static_cast<int>(ExifNumber(*bitmap, "Orientation").value_or(0));
   PhotoFile file;
   file.properties_ = {static_cast<uint64_t>(bitmap->Width()),

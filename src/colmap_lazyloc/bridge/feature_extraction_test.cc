@@ -125,6 +125,26 @@ TEST(PhotoFile, FeaturesOfAPhotoThatExifTurnsAreThoseOfTheUprightPhoto) {
   }
 }
 
+// A binary PNM file, the simplest one with 16 bits.
+void WritePnm(const std::filesystem::path& path, int num_bytes) {
+  std::ofstream file(path, std::ios::binary);
+  file << "P6\n2 1\n" << (num_bytes == 1 ? 255 : 65535) << "\n";
+  for (const int value : {200, 100, 50, 0, 30, 250}) {
+    for (int i = 0; i < num_bytes; ++i) file.put(static_cast<char>(value));
+  }
+}
+
+TEST(PhotoFile, SixteenBitsPerColourAreReadLikeEight) {
+  const TestFolder folder;
+  WritePnm(folder / "8.ppm", 1);
+  WritePnm(folder / "16.ppm", 2);
+  for (const bool as_rgb : {true, false}) {
+    const std::optional<PhotoFile> photo = PhotoFile::Read(folder / "16.ppm", as_rgb);
+    ASSERT_TRUE(photo.has_value());
+    EXPECT_EQ(photo->ToRgb(10).values, PhotoFile::Read(folder / "8.ppm", as_rgb)->ToRgb(10).values);
+  }
+}
+
 TEST(PhotoFile, ReducedPhotosHaveAtMostTheSizeThatIsAskedFor) {
   const TestFolder folder;
   for (const char* const name : {"photo.jpg", "photo.png"}) {

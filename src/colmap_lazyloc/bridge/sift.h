@@ -37,6 +37,10 @@ std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap);
 // Returns the values of a bitmap in colours, row by row: red, green and blue of each pixel.
 std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap);
 
+// Reads an image as COLMAP does, and with COLMAP 3 also colours of 16 bits, which COLMAP 4 reads. Returns false if it
+// cannot be read.
+bool ReadImage(const std::filesystem::path& path, bool as_rgb, colmap::Bitmap* bitmap);
+
 // Reads an image in grey, with a longer side of at least `size` if the file has it. Returns false if COLMAP cannot read
 // the file. Reads JPEG files at an eighth, a quarter or half of their size, in a fraction of the time, with COLMAP 3.
 bool ReadReduced(const std::filesystem::path& path, int size, colmap::Bitmap* bitmap);

@@ -41,6 +41,18 @@ std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap) {
   return values;
 }
 
+bool ReadImage(const std::filesystem::path& path, bool as_rgb, colmap::Bitmap* bitmap) {
+  if (bitmap->Read(path.string(), as_rgb)) return true;
+  FIBITMAP* const pixels = FreeImage_Load(FreeImage_GetFileType(path.c_str(), 0), path.c_str());
+  const FREE_IMAGE_TYPE type = pixels == nullptr ? FIT_UNKNOWN : FreeImage_GetImageType(pixels);
+  if (type == FIT_RGB16 || type == FIT_RGBA16) {
+    const colmap::Bitmap colours(FreeImage_ConvertTo24Bits(pixels));
+    *bitmap = as_rgb ? colours : colours.CloneAsGrey();
+  }
+  if (pixels != nullptr) FreeImage_Unload(pixels);
+  return type == FIT_RGB16 || type == FIT_RGBA16;
+}
+
 bool ReadReduced(const std::filesystem::path& path, int size, colmap::Bitmap* bitmap) {
   if (FreeImage_GetFileType(path.c_str(), 0) == FIF_JPEG) {
     FIBITMAP* const pixels = FreeImage_Load(FIF_JPEG, path.c_str(), JPEG_GREYSCALE | size << 16);
@@ -48,7 +60,7 @@ bool ReadReduced(const std::filesystem::path& path, int size, colmap::Bitmap* bi
     *bitmap = colmap::Bitmap(pixels);
     if (bitmap->IsGrey()) return true;
   }
-  return bitmap->Read(path.string(), /*as_rgb=*/false);
+  return ReadImage(path, /*as_rgb=*/false, bitmap);
 }
 
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) {

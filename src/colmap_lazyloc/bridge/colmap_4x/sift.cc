@@ -25,8 +25,12 @@ std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap) { return bitmap.Ro
 
 std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap) { return bitmap.RowMajorData(); }
 
+bool ReadImage(const std::filesystem::path& path, bool as_rgb, colmap::Bitmap* bitmap) {
+  return bitmap->Read(path.string(), as_rgb);
+}
+
 bool ReadReduced(const std::filesystem::path& path, int, colmap::Bitmap* bitmap) {
-  return bitmap->Read(path.string(), /*as_rgb=*/false);
+  return ReadImage(path, /*as_rgb=*/false, bitmap);
 }
 
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) { return colmap::Bitmap(width, height, as_rgb); }
