@@ -5,7 +5,9 @@ import subprocess
 
 import cv2
 import numpy as np
+import PIL.Image
 import pytest
+from PIL.TiffImagePlugin import IFDRational
 
 import exif
 import photo_scene
@@ -236,3 +238,35 @@ def test_script_localizes_photos_of_a_real_facade(colmap, tmp_path):
     errors = [estimated[name].cam_from_world.errors(truth.images[name].cam_from_world)[0] for name in queries]
     print("herzjesu: metres", np.round(errors, 4))
     assert np.median(errors) < 0.03 and max(errors) < 0.15
+
+
+ZOOM, WIDTH, HEIGHT, FOCAL_LENGTH, FOCAL_LENGTH_35MM = 0xA404, 0xA002, 0xA003, 0x920A, 0xA405
+RESOLUTION, RESOLUTION_UNIT, CENTIMETRES = 0xA20E, 0xA210, 3
+# Of a sensor that is 6.4 mm wide, in pixels of 480 x 360 and of 4000 x 3000.
+SENSOR = {FOCAL_LENGTH: 7.3, RESOLUTION: 750.0, RESOLUTION_UNIT: CENTIMETRES}
+LARGE_SENSOR = {**SENSOR, RESOLUTION: 6250.0, WIDTH: 4000, HEIGHT: 3000}
+
+
+@pytest.mark.parametrize(
+    "values, is_consistent",
+    [
+        ({}, True),
+        ({ZOOM: 0.0}, True),  # not used
+        ({ZOOM: 1.0}, True),
+        ({ZOOM: 2.0}, False),
+        ({WIDTH: 4000, HEIGHT: 3000}, True),  # scaled down
+        ({WIDTH: 3000, HEIGHT: 4000}, True),  # and turned
+        ({WIDTH: 4000, HEIGHT: 2250}, False),  # a part
+        (SENSOR, True),
+        (LARGE_SENSOR, True),
+        ({**LARGE_SENSOR, FOCAL_LENGTH: 2.2}, False),  # of another lens
+    ],
+)
+def test_focal_length_that_exif_contradicts_is_not_used(take_photo, run_photos, tmp_path, values, is_consistent):
+    """EXIF contradicts the camera of the database, which is taken only if EXIF tells nothing."""
+    block = PIL.Image.Exif()
+    entries = {tag: IFDRational(value) if isinstance(value, float) else value for tag, value in values.items()}
+    block.get_ifd(0x8769).update({FOCAL_LENGTH_35MM: 40, **entries})
+    PIL.Image.fromarray(take_photo()[:, :, ::-1]).save(tmp_path / "photo.jpg", quality=97, exif=block)
+    (result,) = run_photos().results.values()
+    assert result["intrinsics_source"] == ("exif" if is_consistent else "database_camera")

@@ -21,6 +21,42 @@ void ScaleDown(int max_size, double (*round)(double), colmap::Bitmap* bitmap) {
                   std::max(1, static_cast<int>(round(bitmap->Height() * scale))));
 }
 
+// Maximum ratios of what two values of EXIF say if they agree. Zooms and sides of an image are rounded; a focal length
+// for a film of 35 mm means the film's width to some and its diagonal to others, and has no decimals.
+constexpr double kMaxSizeRatio = 1.05, kMaxFocalLengthRatio = 1.25;
+
+double RatioAboveOne(double a, double b) { return std::max(a, b) / std::min(a, b); }
+
+// Returns the number of units of EXIF's FocalPlaneResolutionUnit in a millimetre; 0 for unknown ones.
+double UnitsPerMm(double unit) {
+  switch (static_cast<int>(unit)) {
+    case 2: return 1 / 25.4;  // inches
+    case 3: return 1 / 10.0;  // centimetres
+    case 4: return 1;
+    case 5: return 1000;
+    default: return 0;
+  }
+}
+
+// Returns the focal length of EXIF in pixels, by COLMAP's rule; nullopt if EXIF has none, or contradicts it.
+std::optional<double> ConsistentFocalLengthPx(const colmap::Bitmap& bitmap) {
+  const std::optional<double> focal_length_px = ExifFocalLengthPx(bitmap);
+  if (!focal_length_px) return std::nullopt;
+  const auto value = [&bitmap](const char* tag) { return ExifNumber(bitmap, tag).value_or(0); };
+  // A focal length for a film of 35 mm has the digital zoom in it with some cameras, and not with others.
+  if (value("DigitalZoomRatio") > kMaxSizeRatio) return std::nullopt;
+  // EXIF outlives editing: of a photo of another shape, a part was cut out. Turned photos have their sides exchanged.
+  const double x = value("PixelXDimension"), y = value("PixelYDimension");
+  const double size = std::max(bitmap.Width(), bitmap.Height()), other_size = std::min(bitmap.Width(), bitmap.Height());
+  const bool has_size = x > 0 && y > 0;
+  if (has_size && RatioAboveOne(RatioAboveOne(x, y), size / other_size) > kMaxSizeRatio) return std::nullopt;
+  const double scale = has_size ? size / std::max(x, y) : 1;
+  const double by_sensor_px =
+      value("FocalLength") * value("FocalPlaneXResolution") * UnitsPerMm(value("FocalPlaneResolutionUnit")) * scale;
+  if (by_sensor_px > 0 && RatioAboveOne(by_sensor_px, *focal_length_px) > kMaxFocalLengthRatio) return std::nullopt;
+  return focal_length_px;
+}
+
 }  // namespace
 
 bool SiftExtractionOptions::Check(std::string* error) const {
@@ -47,7 +83,7 @@ std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path, bool
   PhotoFile file;
   file.properties_ = {static_cast<uint64_t>(bitmap->Width()),
                       static_cast<uint64_t>(bitmap->Height()),
-                      ExifFocalLengthPx(*bitmap),
+                      ConsistentFocalLengthPx(*bitmap),
                       ExifMakeAndModel(ExifCameraName(*bitmap)),
                       TurnsOfExif(orientation),
                       IsMirrored(orientation)};
