@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.localizer import Localizer
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
-from colmap_lazyloc.project.folder import Folder
+from colmap_lazyloc.results import find_run
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,15 +31,16 @@ class Source:
     @property
     def model(self) -> pathlib.Path:
         """Returns the folder of the model."""
-        return Folder(self.folder).model if self._is_of_run else self.folder
+        project = find_run(self.folder).project
+        return self.folder if project is None else project.model
 
     def open(self) -> Map:
         """Opens the model and the database as they are now; raises InputError if that is impossible."""
-        run, settings, model = Folder(self.folder), dict(self.settings), self.model
-        if self._is_of_run:
-            settings.setdefault("image_path", str(run.images))
-            if run.index.exists():
-                settings.setdefault("retrieval_index_path", str(run.index))
+        project, settings, model = find_run(self.folder).project, dict(self.settings), self.model
+        if project is not None:  # made by lazyloc run, with its photos and perhaps an index
+            settings.setdefault("image_path", str(project.images))
+            if project.index.exists():
+                settings.setdefault("retrieval_index_path", str(project.index))
         database = self.database or model.resolve().parent / "database.db"
         if not database.exists():
             hint = "does not exist" if self.database else "does not exist: name the database with --database_path"
@@ -54,8 +55,3 @@ class Source:
         except OSError:  # while it is replaced
             return []
         return sorted((name, stat.st_ino, stat.st_size, stat.st_mtime_ns) for name, stat in files)
-
-    @property
-    def _is_of_run(self) -> bool:
-        """True for the folder of lazyloc run, with its photos and perhaps an index."""
-        return Folder(self.folder).steps.exists()

@@ -15,10 +15,11 @@
 namespace lazyloc {
 namespace {
 
-// Standard deviation of the log of an estimated focal length, and the log of its factor, above which there is no pose:
-// adjustment takes errors for linear in both, and goes astray, as in photos of a wall that are taken from the front.
+// Standard deviation of the log of an estimated focal length above which there is no pose, and factor below which there
+// is none. Adjustment takes errors for linear in the log, and goes astray, to ever shorter focal lengths, as in photos of
+// a wall that are taken from the front.
 constexpr double kMaxLogFocalStddev = 0.1;
-const double kMaxLogFocalFactor = std::log(2 * kMaxFocalFactor);
+constexpr double kMinFocalFactor = 0.5 / kMaxFocalFactor;
 
 using PoseDerivatives = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 
@@ -89,8 +90,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const auto log_focal_by_others = score.log_factor_from_correction.tail<kNumOtherCorrections>();
       const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) +
                                                 log_focal_by_others.dot(mean_square * log_focal_by_others));
-      if (camera &&
-          (log_focal_stddev > kMaxLogFocalStddev || std::abs(std::log(result.focal_factor)) > kMaxLogFocalFactor)) {
+      if (camera && (log_focal_stddev > kMaxLogFocalStddev || result.focal_factor < kMinFocalFactor)) {
         throw Failure{QueryStatus::UNKNOWN_CAMERA, kUnknownFocalLengthReason};
       }
       result.focal_factor_stddev = result.focal_factor * log_focal_stddev;
