@@ -16,8 +16,8 @@ namespace lazyloc {
 namespace {
 
 // Standard deviation of the log of an estimated focal length above which there is no pose, and factor below which there
-// is none. Adjustment takes errors for linear in the log, and goes astray, to ever shorter focal lengths, as in photos of
-// a wall that are taken from the front.
+// is none. Adjustment takes errors for linear in the log, and goes astray, to ever shorter focal lengths, as in photos
+// of a wall that are taken from the front.
 constexpr double kMaxLogFocalStddev = 0.1;
 constexpr double kMinFocalFactor = 0.5 / kMaxFocalFactor;
 
