@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from benchmarks.uncertainty import localizer
-from benchmarks.uncertainty.stress import MAX_ERROR_RATIO, MAX_ERROR_SIGMA
+from benchmarks.uncertainty.stress import is_wrong_position
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.program import find_colmap
 from colmap_lazyloc.results import pose_of
@@ -126,23 +126,21 @@ def localize(colmap, scene, folder, queries, *options):
 
 
 def rows_of(scene, results):
-    """Returns rows of (is localized, position error, error in deviations, squares of position and log focal length).
+    """Returns rows of position error, and errors of position and log focal length over their deviations.
 
-    The squares are over the number of dimensions.
+    They are NaN for a query that is not localized, and the last one if its focal length was not tested.
     """
-    rows = []
-    for name in scene.query_names:
+    rows = np.full((len(scene.query_names), 3), np.nan)
+    for row, name in zip(rows, scene.query_names, strict=True):
         result, true = results[name], scene.images[name]
-        pose = pose_of(result)
         if result["status"] != "LOCALIZED":
-            rows.append((0, *[np.nan] * 4))
             continue
-        error, sigmas = localizer.position_error(pose, result["covariance"], true.pose.cam_in_world)
+        row[:2] = localizer.position_error(pose_of(result), result["covariance"], true.pose.cam_in_world)
         intrinsics = result["intrinsics"] or {}
         factor, stddev = intrinsics.get("focal_factor", np.nan), intrinsics.get("focal_factor_stddev", np.nan)
         true_factor = scene.cameras[true.camera_id].params[0] / GUESSED_FOCAL_PX
-        rows.append((1, error, sigmas, sigmas**2, (np.log(factor / true_factor) / (stddev / factor)) ** 2))
-    return np.array(rows)
+        row[2] = np.log(factor / true_factor) / (stddev / factor)
+    return rows
 
 
 def print_row(colmap, name, world, num_images, num_queries, seed, options):
@@ -157,14 +155,15 @@ def print_row(colmap, name, world, num_images, num_queries, seed, options):
         found = localize(colmap, guessed(scene), folder / "guessed", names, *options)
         rows = rows_of(scene, found)
         true = rows_of(scene, localize(colmap, scene, folder / "true", lines, *options))
-    is_wrong = (rows[:, 2] > MAX_ERROR_SIGMA) & (rows[:, 1] > MAX_ERROR_RATIO)
-    both = (rows[:, 0] > 0) & (true[:, 0] > 0)
-    error = np.median(rows[both, 1]) if both.any() else np.nan
-    ratio = np.exp(np.mean(np.log(rows[both, 1] / true[both, 1]))) if both.any() else np.nan
-    squares = [np.nanmedian(rows[:, 3]) / chi2.median(3), np.nanmedian(rows[:, 4]) / chi2.median(1)]
-    localized = f"{int(rows[:, 0].sum())} of {num_queries} | {int(true[:, 0].sum())}"
-    figures = " | ".join(f"{value:.3g}" for value in (error, ratio, *squares, np.nanmax(rows[:, 2])))
-    print(f"| {name} | {num_images} | {localized} | {is_wrong.sum()} | {figures} |", flush=True)
+    num_wrong = sum(is_wrong_position(error, sigmas, scene_size=1, truth_stddev=0) for error, sigmas, _ in rows)
+    is_localized, is_true_localized = np.isfinite(rows[:, 0]), np.isfinite(true[:, 0])
+    both = is_localized & is_true_localized
+    error = np.median(rows[both, 0]) if both.any() else np.nan
+    ratio = np.exp(np.mean(np.log(rows[both, 0] / true[both, 0]))) if both.any() else np.nan
+    squares = [np.nanmedian(rows[:, 1] ** 2) / chi2.median(3), np.nanmedian(rows[:, 2] ** 2) / chi2.median(1)]
+    localized = f"{is_localized.sum()} of {num_queries} | {is_true_localized.sum()}"
+    figures = " | ".join(f"{value:.3g}" for value in (error, ratio, *squares, np.nanmax(rows[:, 1])))
+    print(f"| {name} | {num_images} | {localized} | {num_wrong} | {figures} |", flush=True)
 
 
 @command

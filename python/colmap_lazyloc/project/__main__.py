@@ -131,11 +131,13 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 def _check_scale(options: argparse.Namespace, photos: Mapping[str, pathlib.Path]) -> None:
     """Checks that --scale names two database images, before anything is computed."""
-    first, second, _ = options.scale or (None, None, None)
+    if options.scale is None:
+        return
+    first, second, _ = options.scale
     for name in (first, second):
-        if name is not None and name not in photos:
+        if name not in photos:
             raise InputError(f"--scale {name}: is not in --database_images{nearest(name, photos)}")
-    if first is not None and first == second:
+    if first == second:
         raise InputError(f"--scale {first} {second}: expected two different photos")
 
 
