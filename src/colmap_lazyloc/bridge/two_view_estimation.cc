@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/bridge/two_view_estimation.h"
 
+#include <algorithm>
 #include <cmath>
 
 #if __has_include(<colmap/estimators/solvers/essential_matrix.h>)
@@ -25,6 +26,13 @@ namespace {
 // default is 0.95, because more inliers of the fundamental matrix may be a sign of wrong intrinsics. Here the
 // intrinsics are known, so that these inliers are wrong matches, for example between similar windows.
 constexpr double kMinCalibratedInlierRatio = 0.5;
+
+// Minimum number of RANSAC's trials. COLMAP's default of 100, and three times the trials that its confidence of 0.999
+// needs, take most of a query's time, but give the same poses.
+constexpr int kMinNumTrials = 10;
+
+// Maximum of the inlier ratio that RANSAC counts on, so that noise in its samples does not end it too early.
+constexpr double kMaxExpectedInlierRatio = 0.75;
 
 // Maximum number of matches for the choice among the four poses of an essential matrix. COLMAP triangulates all matches
 // with each pose to find the one with points in front of both cameras; this takes longer than everything else, and so
@@ -70,16 +78,20 @@ TwoViewGeometry EstimateTwoViewGeometry(const LocalizationProblem& problem, cons
   colmap::TwoViewGeometryOptions colmap_options;
   colmap_options.min_num_inliers = kMinNumInliers;
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
+  colmap::RANSACOptions& ransac_options = colmap_options.ransac_options;
+  ransac_options.min_num_trials = kMinNumTrials;
+  ransac_options.dyn_num_trials_multiplier = 1;
+  // Does not look for fewer inliers than a pair needs: in a pair of a few wrong matches, this saves nearly all trials.
+  const double needed_ratio = kMinNumInliers / std::max(static_cast<double>(matches.size()), 1.0);
+  ransac_options.min_inlier_ratio =
+      std::max(ransac_options.min_inlier_ratio, std::min(needed_ratio, kMaxExpectedInlierRatio));
   SeedRandomNumbers(seed);
   const colmap::Camera camera1 = ToColmap(pair.other_camera);
   colmap::Camera camera2 = ToColmap(problem.query_camera);
   camera2.has_prior_focal_length = is_query_calibrated;
-  colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(
+  const colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(
       camera1, pair.other_keypoints, camera2, problem.query_keypoints, ToColmap(matches), colmap_options);
   TwoViewGeometry result;
-  const bool has_pose =
-      is_query_calibrated &&
-      colmap::EstimateTwoViewGeometryPose(camera1, pair.other_keypoints, camera2, problem.query_keypoints, &geometry);
   result.config = static_cast<TwoViewConfig>(geometry.config);
   result.E = IfSet(geometry.E);
   result.F = IfSet(geometry.F);
@@ -87,7 +99,7 @@ TwoViewGeometry EstimateTwoViewGeometry(const LocalizationProblem& problem, cons
   for (const colmap::FeatureMatch& match : geometry.inlier_matches) {
     result.inlier_matches.push_back({match.point2D_idx2, match.point2D_idx1});
   }
-  if (has_pose) result.query_from_other = RelativePose(geometry);
+  if (is_query_calibrated && HoldsCalibrated(result.config)) EstimateRelativePose(problem, pair, &result);
   return result;
 }
 

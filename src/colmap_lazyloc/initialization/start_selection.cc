@@ -19,6 +19,9 @@ constexpr size_t kFewTracks = 30;
 // Minimum score of a pose that motion averaging has not confirmed: more than chance gives a pose of wrong matches. Such
 // a pose localizes nothing, but its failure says less than that of averaging.
 constexpr double kMinUnconfirmedScore = 12;
+// Bound on errors of precise matches. The inliers of RANSAC count alike, so that within the wide bound of noisy
+// matches, a pose that fits all by several pixels is preferred to one that fits most by one.
+constexpr double kPreciseErrorPx = 2;
 
 // Returns the distance of the query's keypoint from the epipolar line of the track's database observation.
 double EpipolarErrorPx(const Rigid3d& cam_from_world, const Rigid3d& database_from_world, const Track& track) {
@@ -30,8 +33,8 @@ double EpipolarErrorPx(const Rigid3d& cam_from_world, const Rigid3d& database_fr
 }
 
 double TruncatedScore(double error_px, double max_error_px) {
-  const double ratio = error_px / max_error_px;
-  return std::max(0.0, 1 - ratio * ratio);
+  const auto cauchy_loss = [](double px) { return std::log1p(px * px); };
+  return std::max(0.0, 1 - cauchy_loss(error_px) / cauchy_loss(max_error_px));
 }
 
 // Returns by how many pixels a standard deviation of its depth moves a track's point in the query.
@@ -84,7 +87,11 @@ void SetFrameStart(const StartProblem& problem, const Averaged& averaged, uint32
   consider(StartPose::DEPTH, DepthStart(problem, seed));
   for (const Rigid3d& pose : depth_starts) consider(StartPose::DEPTH, pose);
   if (problem.from_database.size() < kFewTracks) {
-    consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(problem, seed));
+    for (const double max_error_px : {problem.max_error_px, kPreciseErrorPx}) {
+      StartProblem within = problem;
+      within.max_error_px = max_error_px;
+      consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(within, seed));
+    }
   }
   if (best_score >= 0) return;
   if (averaged.failure) throw Failure(*averaged.failure);

@@ -21,10 +21,12 @@ struct StartProblem {
   TrackRefs from_depth = {};  // those of the rest whose point a depth map states, with this point
 };
 
-// Returns the score of a pose, a sum of max(0, 1 - (error / max_error_px)^2) over the observations of the frame. The
-// error is the reprojection error of a point triangulated from the database or, at half the weight because it
-// constrains one coordinate only, the distance from the epipolar line of the single database image of a track. Points
-// from depth maps add the other half by their reprojection errors.
+// Returns the score of a pose, a sum of max(0, 1 - log(1 + error^2) / log(1 + max_error_px^2)) over the observations of
+// the frame: Cauchy's loss with a scale of one pixel, so that of two poses with as many errors within the bound, the
+// one that most of them agree with exactly has the higher score. The error is the reprojection error of a point
+// triangulated from the database or, at half the weight because it constrains one coordinate only, the distance from
+// the epipolar line of the single database image of a track. Points from depth maps add the other half by their
+// reprojection errors.
 double ScoreStart(const StartProblem& problem, const Rigid3d& frame_from_world);
 
 // Return starts, or nullopt with too few tracks: P3P in RANSAC on the tracks from the database (generalized

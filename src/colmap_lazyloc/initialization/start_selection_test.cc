@@ -1,9 +1,12 @@
 #include "colmap_lazyloc/initialization/start_selection.h"
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/testing/stage_input.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
@@ -170,6 +173,28 @@ TEST(ChooseStart, EachFrameHasItsOwnChoice) {
   const Start start = input.Choose();
   EXPECT_EQ(start.kinds, (std::vector<StartPose>{StartPose::ABSOLUTE_POSE, StartPose::MOTION_AVERAGING}));
   ExpectNear(start.posed, input.stages.truth, 1e-3, 0.01);
+}
+
+// Among poses that all fit the matches within RANSAC's wide bound, it takes any.
+TEST(ChooseStart, GeneralizedRelativePoseIsPrecise) {
+  ChoiceInput input = MakeChoice(1);
+  input.averaged.failure = Failure{QueryStatus::INCONSISTENT_ROTATIONS, "pairs contradict each other"};
+  std::vector<Track>& matches = input.tracks.rest;
+  matches = std::exchange(input.tracks.from_database, {});
+  for (size_t i = 0; i < matches.size(); ++i) {
+    std::vector<TrackObservation>& observations = matches[i].observations;
+    observations = {observations[0], observations[1 + i % (observations.size() - 1)]};
+  }
+  std::vector<double> errors;
+  for (uint32_t seed = 0; seed < 11; ++seed) {
+    LocalizerOptions options;
+    options.seed = seed;
+    const Start start = ChooseStart(input.stages.layout, input.averaged, input.tracks, options);
+    ASSERT_EQ(start.kinds, std::vector<StartPose>{StartPose::GENERALIZED_RELATIVE_POSE});
+    const auto pose_of = [](const PosedImages& posed) { return posed.frames[0].frame_from_world; };
+    errors.push_back(PositionError(pose_of(start.posed), pose_of(input.stages.truth)));
+  }
+  EXPECT_LE(Median(errors), 0.2);
 }
 
 TEST(ChooseStart, AnotherStartReplacesAFailedAverage) {
