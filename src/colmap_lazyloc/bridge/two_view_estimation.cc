@@ -27,8 +27,8 @@ namespace {
 // intrinsics are known, so that these inliers are wrong matches, for example between similar windows.
 constexpr double kMinCalibratedInlierRatio = 0.5;
 
-// Minimum number of RANSAC's trials. COLMAP's default of 100, and three times the trials that its confidence of 0.999
-// needs, take most of a query's time, but give the same poses.
+// Minimum number of RANSAC's trials with known intrinsics. COLMAP's default of 100, and three times the trials that its
+// confidence of 0.999 needs, take most of a query's time, but give the same poses.
 constexpr int kMinNumTrials = 10;
 
 // Maximum of the inlier ratio that RANSAC counts on, so that noise in its samples does not end it too early.
@@ -79,12 +79,15 @@ TwoViewGeometry EstimateTwoViewGeometry(const LocalizationProblem& problem, cons
   colmap_options.min_num_inliers = kMinNumInliers;
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
   colmap::RANSACOptions& ransac_options = colmap_options.ransac_options;
-  ransac_options.min_num_trials = kMinNumTrials;
-  ransac_options.dyn_num_trials_multiplier = 1;
-  // Does not look for fewer inliers than a pair needs: in a pair of a few wrong matches, this saves nearly all trials.
-  const double needed_ratio = kMinNumInliers / std::max(static_cast<double>(matches.size()), 1.0);
-  ransac_options.min_inlier_ratio =
-      std::max(ransac_options.min_inlier_ratio, std::min(needed_ratio, kMaxExpectedInlierRatio));
+  if (is_query_calibrated) {
+    ransac_options.min_num_trials = kMinNumTrials;
+    ransac_options.dyn_num_trials_multiplier = 1;
+    // Does not look for fewer inliers than a pair needs: in a pair of a few wrong matches, this saves nearly all
+    // trials.
+    const double needed_ratio = kMinNumInliers / std::max(static_cast<double>(matches.size()), 1.0);
+    ransac_options.min_inlier_ratio =
+        std::max(ransac_options.min_inlier_ratio, std::min(needed_ratio, kMaxExpectedInlierRatio));
+  }
   SeedRandomNumbers(seed);
   const colmap::Camera camera1 = ToColmap(pair.other_camera);
   colmap::Camera camera2 = ToColmap(problem.query_camera);
