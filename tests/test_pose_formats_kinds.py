@@ -156,8 +156,11 @@ def test_model_keeps_every_bit(tmp_path):
         ("cameras.sfm", '{"version": ["1"], "views": [], "intrinsics": [], "poses": []}', "Meshroom: export"),
         ("17.json", '{"t_00": 1, "fx": 500, "timestamp": 1}', "keyframe of Polycam: give the folder"),
         ("a.xmp", "<x:xmpmeta xmlns:x='adobe:ns:meta/'/>", "an XMP file without a pose"),
-        ("geo.txt", "EPSG:4326\na.jpg 8.5 47.3 408.0\n", "positions of OpenDroneMap"),
-        ("a.txt", "+proj=utm +zone=32\na.jpg 8.5 47.3 408.0\n", "positions of OpenDroneMap"),
+        ("geo.txt", "EPSG:4326\na.jpg 8.5 47.3\n", "positions of OpenDroneMap"),
+        ("geo.txt", "EPSG:4326\na.jpg 8.5 47.3 408.0\n", "has positions without rotations"),
+        ("a.txt", "+proj=utm +zone=32\na.jpg 8.5 47.3 408.0\n", "has positions without rotations"),
+        ("a.csv", "name,lat,lon,alt\na.jpg,47.3,8.5,408\n", "has positions without rotations.*lazyloc run --poses"),
+        ("a.txt", "a.jpg 1 2 3\n", "has positions without rotations"),
         (
             "r.csv",
             "#CoordinateSystem: WGS 84\n#Label,X/Longitude,Y/Latitude\na.jpg,8,47\n",

@@ -11,10 +11,10 @@ from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.demo import survey
 from colmap_lazyloc.demo.scene import build_scene, write_images
 from colmap_lazyloc.model import Camera, Image, read_model, write_model
-from colmap_lazyloc.pose_formats.exif_gps import GpsPosition, read_photos
+from colmap_lazyloc.pose_formats.exif_gps import GpsPosition, in_local_frame, read_photos
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.poses import Pose, look_at, read_poses
-from colmap_lazyloc.project.alignment import NotAlignedError, align_to_gps
+from colmap_lazyloc.project.alignment import NotAlignedError, align_to_positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.results import read_geodetic
@@ -45,7 +45,9 @@ class Survey:
     def align(self, positions, accuracy_m=None):
         places = ORIGIN.to_geodetic(np.array(positions, float))
         gps = [GpsPosition(f"database/{i:02}.jpg", *place, 5.0, accuracy_m) for i, place in enumerate(places.tolist())]
-        return align_to_gps(self.folder, ColmapRunner(self.folder.log), self.colmap, self.source, gps)
+        return align_to_positions(
+            self.folder, ColmapRunner(self.folder.log), self.colmap, self.source, in_local_frame(gps)
+        )
 
     def errors(self):
         """Returns the distances of the aligned cameras to where they were."""
@@ -95,7 +97,7 @@ def test_accuracies_that_are_too_good_do_not_refuse_the_alignment(grid):
         ([(0, 0, 0), (10, 0, 0)], 0.1, "only 2 of its photos have GPS"),
         ([(10 * i, 5 * i, 0.001 * i) for i in range(12)], 0.5, "almost on a line"),
         ([(0.3 * (i % 4), 0.3 * (i // 4), 0) for i in range(12)], 1.0, "too close together"),
-        ([(40 * (i % 4), 40 * (i // 4), 0) for i in range(12)], 2000.0, "contradicts"),
+        ([(40 * (i % 4), 40 * (i // 4), 0) for i in range(12)], 2000.0, "differ by more than"),
     ],
 )
 def test_gps_that_does_not_fix_the_model(tmp_path, colmap, centres, noise_m, reason):
@@ -193,9 +195,45 @@ def test_run_by_a_distance(courtyard, photos, capsys):
     assert measured == pytest.approx(true, rel=0.01)
 
 
+def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys):
+    names = [name.removeprefix("database/") for name in photos.database_names]
+    centres = np.array([photos.poses[name].cam_in_world for name in photos.database_names])
+    table = tmp_path / "survey.csv"
+    rows = (f"{name},{a!r},{b!r},{c!r},0.02\n" for name, (a, b, c) in zip(names, ORIGIN.to_geodetic(centres).tolist()))
+    table.write_text("".join(["name,latitude,longitude,altitude,accuracy\n", *rows]))
+    output = courtyard("--poses", table, "--crs", "EPSG:32632")
+    printed = capsys.readouterr()
+    assert "aligned to the positions of 6 photos: median error 0.0" in printed.err and "latitude" in printed.out
+    for name, place in read_geodetic(output / "localized").items():
+        (found,) = ORIGIN.from_geodetic(*np.array(place)[:, None])
+        assert np.linalg.norm(found - photos.poses[name].cam_in_world) < 0.05
+    rows = [f"{name} {x!r} {y!r} {z!r}" for name, (x, y, z) in zip(names, centres.tolist())]
+    table.write_text("\n".join(["name x y z stddev", *(f"{row} 0.02" for row in rows)]))
+    courtyard("--poses", table)
+    printed = capsys.readouterr()
+    assert "mapping" not in printed.err and "x (m)" in printed.out and "latitude" not in printed.out
+    for name, pose in read_poses(output / "localized" / "poses.txt").items():
+        assert np.linalg.norm(pose.cam_in_world - photos.poses[name].cam_in_world) < 0.05
+    for count, message in ((6, "for errors of 1 m, which are assumed"), (2, "only 2 of its photos have positions")):
+        table.write_text("\n".join(rows[:count]))  # as COLMAP's model_aligner takes them
+        courtyard("--poses", table, exit_code=1)
+        assert re.search(f"--poses: .*{message}", capsys.readouterr().err)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (
+            ["--poses", "PHOTOS", "--poses_format", "exif", "--camera_axes", "opengl"],
+            "--camera_axes has no effect on pos",
+        ),
+        (
+            ["--poses", "PHOTOS", "--poses_format", "exif", "--scale", "0.png", "5.png", "2"],
+            "--scale has no effect with",
+        ),
+        (["--poses", "PHOTOS", "--poses_format", "exif", "--panoramas", "all"], "panoramas need rotations, too"),
+        (["--poses", "PHOTOS", "--poses_format", "exif"], "images/database: has no photo with GPS"),
+        (["--poses", "PHOTOS/0.png", "--poses_format", "exif"], "0.png: is not a folder of photos"),
         (["--scale", "0.png", "55.png", "2"], "--scale 55.png: is not in --database_images; the nearest is 5.png"),
         (["--scale", "0.png", "0.png", "2"], "expected two different photos"),
         (["--scale", "0.png", "5.png", "-2"], "--scale: expected a distance in metres, found '-2'"),
@@ -207,7 +245,10 @@ def test_run_by_a_distance(courtyard, photos, capsys):
     ],
 )
 def test_bad_options_are_one_line_before_any_work(courtyard, photos, words, message, tmp_path, capsys):
-    courtyard(*[word.replace("MODEL", str(photos.model_path)) for word in words], exit_code=1)
+    paths = {"MODEL": photos.model_path, "PHOTOS": photos.image_path / "database"}
+    for name, path in paths.items():
+        words = [word.replace(name, str(path)) for word in words]
+    courtyard(*words, exit_code=1)
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1 and message in lines[0]
     assert not (tmp_path / "out").exists()

@@ -16,7 +16,13 @@ from colmap_lazyloc.pose_formats.conventions import Convention, pose_of
 from colmap_lazyloc.pose_formats.frames import Frame, apply
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.naming import clean
-from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages, Source
+from colmap_lazyloc.pose_formats.posed_images import (
+    PosedImage,
+    PosedImages,
+    Position,
+    Positions,
+    Source,
+)
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, BadPose, RawPose, RawPoses, reason_of
 from colmap_lazyloc.poses import Pose
 
@@ -53,6 +59,24 @@ def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImag
             left_out[first] = reason_of(error)
     _report(raw, found, left_out, bool(images), source)
     return PosedImages(images, origin, convention)
+
+
+def assemble_positions(raw: RawPoses, source: Source) -> Positions:
+    """Returns where the photos of a file were taken, whose rotations mean nothing."""
+    frame = _frame(raw.frame, source)
+    vector = "degrees" if frame.is_in_degrees else "centre"
+    raw, poses, left_out = _without_repeated(raw, Convention("world_from_cam", rotation="matrix", vector=vector))
+    poses, origin = _to_local(poses, frame, source.origin, left_out)
+    found = associate(raw.poses, source) if poses else Association({})
+    left_out |= found.ambiguous
+    photos = []
+    for name, (index, _, _) in sorted(found.places.items()):
+        item = raw.poses[index]
+        if index in poses and isinstance(item, RawPose):
+            x, y, z = poses[index].cam_in_world.tolist()
+            photos.append(Position(name, (x, y, z), item.accuracy_m))
+    _report(raw, found, left_out, bool(photos), source)
+    return Positions(tuple(photos), origin, "positions")
 
 
 def _without_repeated(raw: RawPoses, convention: Convention) -> tuple[RawPoses, Poses, dict[int, str]]:

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from colmap_lazyloc.errors import InputError, logger
-from colmap_lazyloc.pose_formats.geo import GeoOrigin
-from colmap_lazyloc.pose_formats.posed_images import list_images
+from colmap_lazyloc.pose_formats.geo import GeoOrigin, to_geocentric
+from colmap_lazyloc.pose_formats.posed_images import Position, Positions, list_images
 
 GPS_IFD = 0x8825
 LATITUDE_REF, LATITUDE, LONGITUDE_REF, LONGITUDE, ALTITUDE_REF, ALTITUDE, ERROR = 1, 2, 3, 4, 5, 6, 31
+TITLE = "GPS"
 BELOW_SEA_LEVEL = (1, b"\x01")
 DEFAULT_STDDEV_M = 5.0
 MAX_STDDEV_M = 1e5  # larger ones, such as 999999, mean that it is not known
@@ -49,6 +50,18 @@ def read_positions(folder: pathlib.Path) -> list[GpsPosition]:
 def read_photos(paths: Mapping[str, pathlib.Path]) -> list[GpsPosition]:
     """Reads the positions of photos, whose paths are given by name; those without GPS are left out."""
     return [position for name, path in paths.items() if (position := _read_photo(name, path)) is not None]
+
+
+def in_local_frame(positions: Sequence[GpsPosition], origin: GeoOrigin | None = None) -> Positions:
+    """Returns the positions that have an altitude, in the local frame at an origin, by default in their middle."""
+    used = [photo for photo in positions if photo.altitude_m is not None]
+    if not used:
+        return Positions((), origin, TITLE)
+    geodetic = np.array([[photo.latitude_deg, photo.longitude_deg, photo.altitude_m] for photo in used], float)
+    origin = origin or GeoOrigin.in_the_middle(to_geocentric(geodetic))
+    points = origin.from_geodetic(*geodetic.T).tolist()
+    photos = (Position(photo.name, (x, y, z), photo.accuracy_m) for photo, (x, y, z) in zip(used, points))
+    return Positions(tuple(photos), origin, TITLE)
 
 
 def write_positions(path: pathlib.Path, positions: Sequence[GpsPosition], origin: GeoOrigin | None) -> GeoOrigin:

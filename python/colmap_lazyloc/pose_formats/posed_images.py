@@ -52,6 +52,27 @@ class PosedImages:
 
 
 @dataclasses.dataclass(frozen=True)
+class Position:
+    """Where a photo was taken, and the standard deviation in space in metres, if it is known."""
+
+    name: str
+    centre: tuple[float, float, float]
+    accuracy_m: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Positions:
+    """Where photos were taken: in the local frame at an origin, or, without one, in the coordinates of a file.
+
+    `title`: what the positions are, in messages.
+    """
+
+    photos: tuple[Position, ...]
+    origin: GeoOrigin | None
+    title: str
+
+
+@dataclasses.dataclass(frozen=True)
 class Photos:
     """The photos that poses belong to; without a folder, names are taken as they are in the file of poses."""
 

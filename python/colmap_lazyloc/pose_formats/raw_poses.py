@@ -41,7 +41,8 @@ class RawPose:
 
     Its photo is found by `name`, or the number `frame` in the photo's name, or `time`, or else its place in the file.
     `camera`: its intrinsics, or a function if these depend on the photo's size. `similarity`: from the pose's world to
-    the frame of the file. `result`: that of a localized query, in the coordinates of the model.
+    the frame of the file. `result`: that of a localized query, in the coordinates of the model. `accuracy_m`: the
+    standard deviation of the position in space, if the file has it.
     """
 
     rotation: Any
@@ -52,6 +53,7 @@ class RawPose:
     camera: Camera | CameraOfSize | None = None
     similarity: Similarity | None = None
     result: ResultFields | None = None
+    accuracy_m: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,6 +19,7 @@ from colmap_lazyloc.pose_formats import (
     metashape,
     odm_geo,
     opensfm,
+    positions,
     ros2,
     table,
     trajectories,
@@ -434,6 +435,8 @@ def find_format(path: pathlib.Path) -> str:
     name = next((name for name in names if FORMATS[name].is_one(head)), None)
     if name is not None:
         return name
+    if positions.is_one(head):
+        raise InputError(f"{path}: {positions.NO_POSES}")
     other = foreign(head)
     if other is not None:
         raise InputError(f"{path}: {other}")

@@ -25,7 +25,8 @@ from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import make_source
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.panoramas import REFERENCE, face_cameras, read_face_poses
-from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Source, photo_size
+from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Positions, Source, photo_size
+from colmap_lazyloc.pose_formats.positions import read_positions
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.alignment import Distance
@@ -93,6 +94,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     query_photos = None if is_video(options.queries) else _find_queries(options)
     # The poses of panoramas are read when their faces are cut.
     posed = None if options.poses is None or panorama_roles(options) else read_posed_images(*_pose_source(options))
+    positions = None if options.positions is None else read_positions(*_pose_source(options))
     given = shlex.join(["lazyloc", "run", *(sys.argv[1:] if arguments is None else arguments)])
     project = _open_project(options, colmap, sift_options, given)
     database = _make_images(project, options, DATABASE, photos)
@@ -113,14 +115,11 @@ def _run(arguments: Sequence[str] | None) -> int:
     num_neighbors = (options.num_neighbors or NUM_NEIGHBORS) if matches_neighbors(options) else 0
     if lazy is None:
         steps.match_database(project, used, posed, num_neighbors)
-    distance = None
-    if options.scale is not None:
-        first, second, metres = options.scale
-        distance = Distance(database.linked[first], database.linked[second], float(metres))
-    steps.make_model(project, used, posed, not database.widths, distance)
+    known = _known_lengths(options, database, positions)
+    steps.make_model(project, used, posed, not database.widths, known)
     _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
     database_path = project.folder.query_database if has_stored_queries(options) else project.folder.database
-    options.unit = METRE if distance is not None else options.unit
+    options.unit = METRE if known is not None else options.unit
     _write_report(project.folder, database_path, options)
     project.results.link()
     _print_results(project.folder, queries.shown(), options.unit)
@@ -200,7 +199,7 @@ def _make_images(
 
 def _pose_source(options: argparse.Namespace) -> tuple[Source, str | None]:
     """Returns the file of poses, and its format if it is given."""
-    source = make_source(options.poses, options.database_images, options)
+    source = make_source(options.poses or options.positions, options.database_images, options)
     source = dataclasses.replace(source, photos=Photos(options.database_images, excluded=_excluded(options)))
     return source, options.poses_format
 
@@ -217,6 +216,20 @@ def _use_poses(options: argparse.Namespace, database: Images, posed: PosedImages
     if num_left_out > 0:
         logger.warning("%d of %d photos have no pose and are not used", num_left_out, num_photos)
     return posed
+
+
+def _known_lengths(
+    options: argparse.Namespace, database: Images, positions: Positions | None
+) -> Distance | Positions | None:
+    """Returns what gives the mapper's model metres: --scale, or positions under the names of the links."""
+    if options.scale is not None:
+        first, second, metres = options.scale
+        return Distance(database.linked[first], database.linked[second], float(metres))
+    if positions is None:
+        return None
+    linked = database.linked
+    photos = (dataclasses.replace(photo, name=linked[photo.name]) for photo in positions.photos if photo.name in linked)
+    return dataclasses.replace(positions, photos=tuple(photos))
 
 
 def _check_poses(project: steps.Project, options: argparse.Namespace, posed: PosedImages) -> None:

@@ -1,16 +1,16 @@
-"""Gives a model of COLMAP's mapper metres: by the GPS of its photos, or by the distance between two cameras."""
+"""Gives a model of COLMAP's mapper metres: by positions of its photos, such as GPS, or by the distance between two
+cameras."""
 
 import dataclasses
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import poses_of, read_model
-from colmap_lazyloc.pose_formats.exif_gps import GpsPosition
-from colmap_lazyloc.pose_formats.geo import GeoOrigin, to_geocentric
+from colmap_lazyloc.pose_formats.posed_images import Positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
 
@@ -34,12 +34,12 @@ class Distance:
 
 
 class NotAlignedError(Exception):
-    """Says why GPS does not give the position, the orientation and the scale of a model."""
+    """Says why positions do not give the place, the orientation and the scale of a model."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """How well the photos of an aligned model fit their GPS."""
+    """How well the photos of an aligned model fit their positions."""
 
     errors: Array  # distances in metres
     tolerance: float  # metres
@@ -47,41 +47,38 @@ class Fit:
 
     @property
     def is_within(self) -> Array:
-        """Returns which photos agree with their GPS."""
+        """Returns which photos agree with their positions."""
         return self.errors <= self.tolerance
 
-    def text(self) -> str:
-        """Returns what a user wants to know of it."""
+    def text(self, title: str) -> str:
+        """Returns what a user wants to know of it; `title`: what the positions are."""
         num_beyond = int(np.sum(~self.is_within))
         beyond = "none" if num_beyond == 0 else str(num_beyond)
         tolerance = f"{self.tolerance:.1f}" if self.tolerance >= 1 else f"{self.tolerance:.2g}"
         return (
-            f"aligned to the GPS of {len(self.errors)} photos: median error {np.median(self.errors):.2f} m, {beyond} "
-            f"beyond {tolerance} m, orientation to {self.rotation_stddev_deg:.1f} degrees"
+            f"aligned to the {title} of {len(self.errors)} photos: median error {np.median(self.errors):.2f} m, "
+            f"{beyond} beyond {tolerance} m, orientation to {self.rotation_stddev_deg:.1f} degrees"
         )
 
 
-def align_to_gps(
+def align_to_positions(
     folder: Folder,
     runner: ColmapRunner,
     colmap: pathlib.Path,
     source: pathlib.Path,
-    positions: Sequence[GpsPosition],
+    positions: Positions,
 ) -> str:
-    """Writes the model `source` as that of the project, in the local frame of the photos' GPS, with geo.json.
+    """Writes the model `source` as that of the project, in the coordinates of the positions, with geo.json if these are
+    geographic.
 
-    Returns what the alignment has found. Raises NotAlignedError if GPS does not determine it.
+    Returns what the alignment has found. Raises NotAlignedError if the positions do not determine it.
     """
-    poses = poses_of(read_model(source))
-    used = [position for position in positions if position.name in poses and position.altitude_m is not None]
-    if not positions:
-        raise NotAlignedError("no photo has GPS")
+    poses, title = poses_of(read_model(source)), positions.title
+    used = [photo for photo in positions.photos if photo.name in poses]
     if len(used) < MIN_NUM_PHOTOS:
-        raise NotAlignedError(f"only {len(used)} of its photos have GPS with an altitude, and three are needed")
-    geodetic = np.array([[photo.latitude_deg, photo.longitude_deg, photo.altitude_m] for photo in used], float)
-    origin = GeoOrigin.in_the_middle(to_geocentric(geodetic))
-    targets = origin.from_geodetic(*geodetic.T)
-    lines = (f"{photo.name} {x!r} {y!r} {z!r}" for photo, (x, y, z) in zip(used, targets.tolist()))
+        raise NotAlignedError(f"only {len(used)} of its photos have {title} with an altitude, and three are needed")
+    targets = np.array([photo.centre for photo in used])
+    lines = (f"{photo.name} {x!r} {y!r} {z!r}" for photo in used for x, y, z in [photo.centre])
     words: list[object] = [colmap, "model_aligner", "--input_path", source, "--output_path", folder.model]
     words += ["--ref_images_path", folder.write_list("gps", lines), "--ref_is_gps", 0, "--alignment_type", "custom"]
 
@@ -96,14 +93,19 @@ def align_to_gps(
 
     folder.model.mkdir(parents=True, exist_ok=True)
     stddevs = [photo.accuracy_m for photo in used if photo.accuracy_m is not None]
-    fit = _fit(align, targets, float(np.median(stddevs)) if len(stddevs) >= len(used) / 2 else None)
+    stddev = float(np.median(stddevs)) if len(stddevs) >= len(used) / 2 else None
+    fit = _fit(align, targets, stddev, title)
     if fit.rotation_stddev_deg > MAX_ROTATION_STDDEV_DEG:
-        raise NotAlignedError("the photos with GPS are almost on a line, or too close together for its errors")
-    origin.write(folder.model)
-    return fit.text()
+        assumed = f" of {MIN_STDDEV_M:g} m, which are assumed without a stated accuracy" if stddev is None else ""
+        raise NotAlignedError(
+            f"the photos with {title} are almost on a line, or too close together for errors{assumed}"
+        )
+    if positions.origin is not None:
+        positions.origin.write(folder.model)
+    return fit.text(title)
 
 
-def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float | None) -> Fit:
+def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float | None, title: str) -> Fit:
     """Aligns with a small tolerance, which is doubled until half of the photos are within, and then with the one that
     their errors give. A large one would let a wrong position turn and scale a small scene."""
     tolerance, found = min(TOLERANCE * (stddev or np.inf), FIRST_TOLERANCE_M), None
@@ -120,13 +122,13 @@ def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float |
         else:
             tolerance *= 2
     if found is None:
-        raise NotAlignedError(f"the GPS of the photos contradicts their poses by more than {tolerance / 2:.0f} m")
+        raise NotAlignedError(f"the {title} of the photos and their poses differ by more than {tolerance / 2:.0f} m")
     align(found.tolerance)
     return found
 
 
 def _measure(centres: Array, targets: Array, tolerance: float, stddev: float | None) -> Fit:
-    """Compares aligned centres with GPS, both n x 3; `stddev`: the stated accuracy of positions."""
+    """Compares aligned centres with positions, both n x 3; `stddev`: the stated accuracy of positions."""
     residuals = centres - targets
     errors = np.linalg.norm(residuals, axis=1)
     within = errors <= tolerance

@@ -11,6 +11,7 @@ from colmap_lazyloc.agreement.check import add_accept_option
 from colmap_lazyloc.errors import InputError, Parser, logger, positive_int
 from colmap_lazyloc.import_poses import CONVENTION_OPTIONS, add_source_options, join_values, make_source
 from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats import positions
 from colmap_lazyloc.pose_formats.geo import find_crs
 from colmap_lazyloc.pose_formats.registry import FORMATS
 from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder
@@ -36,8 +37,18 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
     add("--database_images", type=pathlib.Path, required=True, metavar="DIR", help="folder of the database images")
     add("--queries", type=pathlib.Path, required=True, metavar="PATH", help="folder of photos, a photo, or a video")
     add("--output", "--output_path", dest="output_path", type=pathlib.Path, required=True, metavar="DIR")
-    add("--poses", type=pathlib.Path, metavar="PATH", help="poses of the database images; default: COLMAP's mapper")
-    add("--poses_format", choices=list(FORMATS), help="format of --poses; default: by its content")
+    add(
+        "--poses",
+        type=pathlib.Path,
+        metavar="PATH",
+        help="poses of the database images; default: COLMAP's mapper makes them, which positions without rotations "
+        "(name, latitude, longitude, altitude) place on the Earth",
+    )
+    add(
+        "--poses_format",
+        choices=[*FORMATS, *positions.FORMATS],
+        help="format of --poses; default: by its content. `exif` is a folder of photos with GPS, `positions` a table",
+    )
     of_poses = parser.add_argument_group("poses").add_argument
     add_source_options(of_poses)
     add_accept_option(of_poses)
@@ -162,6 +173,7 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
     _check_paths(options)
     if options.query_camera is not None:
         Camera.parse("--query_camera", options.query_camera)
+    _separate_positions(options)
     if options.poses is not None:
         make_source(options.poses, options.database_images, options)
     roles = panorama_roles(options)
@@ -176,9 +188,11 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
             "--camera is that of perspective photos, but --panoramas says that database images are panoramas"
         )
     _check_metres(options)
+    used = {"crs"} if options.positions is None else {"crs", "geo_origin", "poses_format"}
     for name in ("poses_format", "geo_origin", "unit", "accept_poses", *CONVENTION_OPTIONS):
-        if options.poses is None and getattr(options, name) and name != "crs":
-            raise InputError(f"--{name} has no effect without --poses")
+        if options.poses is None and getattr(options, name) and name not in used:
+            missing = "without --poses" if options.positions is None else "on positions, which have no rotations"
+            raise InputError(f"--{name} has no effect {missing}")
     if options.num_neighbors is not None and not matches_neighbors(options):
         logger.warning("--num_neighbors has no effect without --poses and one of --complete 1, --masks and --sequence")
     if options.frames_per_second is not None and not is_video(options.queries):
@@ -197,10 +211,22 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
             raise InputError(f"--onnx_path {path}: is not a folder")
 
 
+def _separate_positions(options: argparse.Namespace) -> None:
+    """Makes --poses the option `positions` if it has no rotations: the poses are then those of COLMAP's mapper."""
+    options.positions = None
+    if options.poses is None:
+        return
+    form = options.poses_format or positions.find_format(options.poses)
+    if form in positions.FORMATS:
+        if DATABASE in panorama_roles(options):
+            raise InputError(f"--poses {options.poses}: panoramas need rotations, too")
+        options.positions, options.poses, options.poses_format = options.poses, None, form
+
+
 def _check_metres(options: argparse.Namespace) -> None:
     """Checks --scale and --crs, which act on a model of COLMAP's mapper, too."""
     if options.scale is not None:
-        if options.poses is not None:
+        if options.poses is not None or options.positions is not None:
             raise InputError("--scale has no effect with --poses: their coordinates are used as they are")
         if DATABASE in panorama_roles(options):
             raise InputError("--scale has no effect on panoramas")

@@ -22,10 +22,10 @@ from colmap_lazyloc.errors import InputError, logger, nearest
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.colmap import write_posed_images
-from colmap_lazyloc.pose_formats.exif_gps import read_photos
-from colmap_lazyloc.pose_formats.posed_images import PosedImages, photo_size
+from colmap_lazyloc.pose_formats.exif_gps import in_local_frame, read_photos
+from colmap_lazyloc.pose_formats.posed_images import PosedImages, Positions, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
-from colmap_lazyloc.project.alignment import Distance, NotAlignedError, align_to_gps, scale_to_distance
+from colmap_lazyloc.project.alignment import Distance, NotAlignedError, align_to_positions, scale_to_distance
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import ALIGNMENT, Folder, Steps, content, fingerprint, remove
 from colmap_lazyloc.project.kept import KeptResults
@@ -199,20 +199,20 @@ def make_model(
     used: Sequence[str],
     posed: PosedImages | None,
     refines_cameras: bool,
-    distance: Distance | None = None,
+    known: Distance | Positions | None = None,
 ) -> None:
-    """Writes the model of the poses, or lets COLMAP's mapper make it. `used`: the images in the database; `distance`:
-    that gives the mapper's model metres."""
+    """Writes the model of the poses, or lets COLMAP's mapper make it. `used`: the images in the database; `known`: what
+    gives the mapper's model metres, by default the GPS of the photos."""
     if posed is None:
         _map(project, used, refines_cameras)
     poses = [(image.name, str(image.camera), image.cam_from_world.text()) for image in posed.images] if posed else []
-    key = fingerprint(poses, posed.origin if posed else ["mapper", distance, _missing_for_gps()])
+    key = fingerprint(poses, posed.origin if posed else ["mapper", known, _missing_for_gps()])
     if not project.steps.begin("model", key):
         return
     if posed is not None:
         write_posed_images(project.folder.model, posed)
     else:
-        _write_mapped(project, used, distance)
+        _write_mapped(project, used, known)
     project.steps.finish("model", key)
 
 
@@ -234,26 +234,36 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
     project.steps.finish("sparse", key)
 
 
-def _write_mapped(project: Project, used: Sequence[str], distance: Distance | None) -> None:
-    """Writes the largest model of the mapper, in metres if a distance or GPS gives them."""
+def _write_mapped(project: Project, used: Sequence[str], known: Distance | Positions | None) -> None:
+    """Writes the largest model of the mapper, in metres if a distance or positions give them."""
     folder = project.folder
     models = {path: len(read_model(path).images) for path in folder.sparse.iterdir() if path.is_dir()}
     largest = max(sorted(models), key=lambda path: models[path])
     try:
-        if distance is not None:
-            text = scale_to_distance(folder, project.runner, project.colmap, largest, distance)
-        elif missing := _missing_for_gps():
-            raise NotAlignedError(f"GPS of photos is not read ({install_command('import', missing)})")
+        if isinstance(known, Distance):
+            text = scale_to_distance(folder, project.runner, project.colmap, largest, known)
         else:
-            positions = read_photos({name: folder.images / name for name in used})
-            text = align_to_gps(folder, project.runner, project.colmap, largest, positions)
+            positions = known or _gps_of_photos(folder, used)
+            text = align_to_positions(folder, project.runner, project.colmap, largest, positions)
     except NotAlignedError as error:
+        if known is not None:
+            raise InputError(f"--poses: {error}") from None
         remove(folder.model)
         shutil.copytree(largest, folder.model)
         logger.warning("lengths are in units of the model: %s (--scale gives metres)", error)
     else:
         logger.info(text)
         (folder.model / ALIGNMENT).write_text(f"{text}\n", encoding="utf-8")
+
+
+def _gps_of_photos(folder: Folder, names: Sequence[str]) -> Positions:
+    """Returns the positions that images have in EXIF; raises NotAlignedError if there is none."""
+    if missing := _missing_for_gps():
+        raise NotAlignedError(f"GPS of photos is not read ({install_command('import', missing)})")
+    found = read_photos({name: folder.images / name for name in names})
+    if not found:
+        raise NotAlignedError("no photo has GPS")
+    return in_local_frame(found)
 
 
 def _missing_for_gps() -> list[str]:
