@@ -56,7 +56,7 @@ RUN = {"--database_images": "photos", "--queries": "new", "--output": "out", "--
         ({"--queries": "empty"}, "empty: holds no image file"),
         ({"--queries": "nowhere"}, "--queries nowhere: does not exist"),
         ({"--database_images": "empty"}, "empty: holds no image file"),
-        ({"--database_images": "photos/a.png"}, "--database_images photos/a.png: is not a folder"),
+        ({"--database_images": "photos/a.png"}, "--database_images photos/a.png: is neither a folder nor a video"),
         ({"--output": "notes.txt"}, "--output notes.txt: notes.txt is not a folder"),
         ({"--output": "notes.txt/out"}, "--output notes.txt/out: "),
         ({"--output": "photos"}, "--output photos: is also --database_images"),

@@ -197,6 +197,54 @@ def test_video_of_a_walk(run, photos, walk, tmp_path):
     assert_localized(output, {f"query/{index:06}.jpg": poses[index] for index in (0, 2, 4, 6)})
 
 
+@pytest.fixture
+def film(colmap, photos, walk, monkeypatch, tmp_path):
+    """Returns a function that localizes photos among the frames of a video."""
+    monkeypatch.setenv("COLMAP", str(colmap))
+
+    def start(*more, exit_code=0):
+        words = ["run", "--database_images", walk[0], "--frames_per_second", 4, "--output", tmp_path / "out"]
+        words += ["--queries", photos.image_path / "query", *photo_scene.SIFT, *more]
+        assert main([str(word) for word in words]) == exit_code
+        return tmp_path / "out"
+
+    return start
+
+
+@pytest.mark.parametrize("is_long", [False, True])
+def test_video_of_the_place_as_database(film, photos, walk, monkeypatch, is_long, capfd):
+    """The mapper has a unit of its own: the ratio of two distances has none."""
+    if is_long:
+        monkeypatch.setattr(steps, "MAX_NUM_EXHAUSTIVE", 6)
+        monkeypatch.setattr(steps, "SEQUENCE_REACH", 2)
+    output = film()
+    frames = {f"database/{index:06}.jpg": pose for index, pose in enumerate(walk[1])}
+    model = read_model(output / "model")
+    assert set(model.images) == set(frames) and len(model.cameras) == 1
+    found = {name: image.cam_from_world.cam_in_world for name, image in model.images.items()}
+    found |= {name: pose.cam_in_world for name, pose in read_poses(output / "localized" / "poses.txt").items()}
+    true = {name: pose.cam_in_world for name, pose in (frames | true_queries(photos)).items()}
+    assert set(found) == set(true)
+    unit = np.linalg.norm(true["database/000007.jpg"] - true["database/000000.jpg"]) / np.linalg.norm(
+        found["database/000007.jpg"] - found["database/000000.jpg"]
+    )
+    for first, second in (("query/0.png", "query/1.png"), ("query/0.png", "database/000003.jpg")):
+        distance = np.linalg.norm(true[first] - true[second])
+        assert unit * np.linalg.norm(found[first] - found[second]) == pytest.approx(distance, rel=0.03)
+    log = (output / "log.txt").read_text()
+    assert ("vocab_tree_matcher" in log) == is_long and "--match_type pairs" in log
+
+
+def test_video_of_the_place_with_poses(film, photos, walk, tmp_path):
+    """Poses belong to frames by their numbers, as apps of phones write them beside a video."""
+    rows = ["timestamp, frame, x, y, z, qx, qy, qz, qw"]
+    for index, pose in enumerate(walk[1]):
+        w, x, y, z = pose.inverse().qvec
+        rows.append(", ".join(map(str, [100 + index / 4, f"{index:06}", *pose.cam_in_world, x, y, z, w])))
+    (tmp_path / "odometry.csv").write_text("\n".join(rows))
+    assert_localized(film("--poses", tmp_path / "odometry.csv", "--camera", CAMERA.text()), true_queries(photos))
+
+
 def test_sequence_is_localized_together(run, photos, walk, tmp_path):
     path, poses = walk
     output = run(photos.model_path, "--frames_per_second", 2, "--sequence", queries=path)

@@ -89,18 +89,23 @@ def _run(arguments: Sequence[str] | None) -> int:
     colmap = steps.find_program()
     steps.check_localizer_options(colmap, words)
     sift_options, localizer_options = split(words)
-    photos = find_photos(options.database_images, _excluded(options))
-    _check_scale(options, photos)
+    photos = None if is_video(options.database_images) else _find_database(options, options.database_images)
     query_photos = None if is_video(options.queries) else _find_queries(options)
-    # The poses of panoramas are read when their faces are cut.
-    posed = None if options.poses is None or panorama_roles(options) else read_posed_images(*_pose_source(options))
-    positions = None if options.positions is None else read_positions(*_pose_source(options))
+    # The poses of panoramas are read when their faces are cut, and those of a video when it has frames.
+    is_early = photos is not None and options.poses is not None and not panorama_roles(options)
+    posed = read_posed_images(*_pose_source(options)) if is_early else None
+    positions = None if photos is None else _read_positions(options)
     given = shlex.join(["lazyloc", "run", *(sys.argv[1:] if arguments is None else arguments)])
     project = _open_project(options, colmap, sift_options, given)
+    if photos is None:
+        options.database_images = _video_frames(project, options, DATABASE)
+        photos, positions = _find_database(options, options.database_images), _read_positions(options)
     database = _make_images(project, options, DATABASE, photos)
     if options.poses is not None:
         posed = _use_poses(options, database, posed)
-    queries = _make_images(project, options, QUERY, query_photos or _video_frames(project, options))
+    if query_photos is None:
+        query_photos = find_photos(_video_frames(project, options, QUERY), [])
+    queries = _make_images(project, options, QUERY, query_photos)
     _link_masks(project, options, database, queries)
     camera = _query_camera(project, options, queries, posed)
     cameras = database.cameras()
@@ -128,16 +133,18 @@ def _run(arguments: Sequence[str] | None) -> int:
     return 0 if project.folder.report.exists() else 1
 
 
-def _check_scale(options: argparse.Namespace, photos: Mapping[str, pathlib.Path]) -> None:
-    """Checks that --scale names two database images, before anything is computed."""
+def _find_database(options: argparse.Namespace, folder: pathlib.Path) -> dict[str, pathlib.Path]:
+    """Returns the paths of the database images by name; checks that --scale names two of them."""
+    photos = find_photos(folder, _excluded(options))
     if options.scale is None:
-        return
+        return photos
     first, second, _ = options.scale
     for name in (first, second):
         if name not in photos:
             raise InputError(f"--scale {name}: is not in --database_images{nearest(name, photos)}")
     if first == second:
         raise InputError(f"--scale {first} {second}: expected two different photos")
+    return photos
 
 
 def _open_project(
@@ -163,6 +170,7 @@ def _open_project(
         KeptResults(folder),
         str(options.queries),
         given,
+        is_video(options.database_images),
     )
 
 
@@ -202,6 +210,11 @@ def _pose_source(options: argparse.Namespace) -> tuple[Source, str | None]:
     source = make_source(options.poses or options.positions, options.database_images, options)
     source = dataclasses.replace(source, photos=Photos(options.database_images, excluded=_excluded(options)))
     return source, options.poses_format
+
+
+def _read_positions(options: argparse.Namespace) -> Positions | None:
+    """Returns the positions that the user has given instead of poses."""
+    return None if options.positions is None else read_positions(*_pose_source(options))
 
 
 def _use_poses(options: argparse.Namespace, database: Images, posed: PosedImages | None) -> PosedImages:
@@ -249,17 +262,17 @@ def _select(posed: PosedImages, names: Mapping[str, str]) -> PosedImages:
     return dataclasses.replace(posed, images=images)
 
 
-def _video_frames(project: steps.Project, options: argparse.Namespace) -> dict[str, pathlib.Path]:
-    """Returns the paths of the frames of the video by name."""
-    source: pathlib.Path = options.queries
-    frames: pathlib.Path = project.folder.frames
+def _video_frames(project: steps.Project, options: argparse.Namespace, role: str) -> pathlib.Path:
+    """Returns the folder of the frames of a video."""
+    source: pathlib.Path = options.database_images if role == DATABASE else options.queries
+    frames: pathlib.Path = project.folder.frames / role
     rate = options.frames_per_second or FRAMES_PER_SECOND
-    key = fingerprint(content(source), rate)
-    if project.steps.begin("frames", key):
+    step, key = f"{role} frames", fingerprint(content(source), rate)
+    if project.steps.begin(step, key):
         count = write_frames(source, frames, rate)
         logger.info("%d frames of %s", count, source)
-        project.steps.finish("frames", key)
-    return find_photos(frames, [])
+        project.steps.finish(step, key)
+    return frames
 
 
 def _link_masks(project: steps.Project, options: argparse.Namespace, database: Images, queries: Images) -> None:

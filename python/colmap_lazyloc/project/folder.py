@@ -19,7 +19,8 @@ SQLITE = (
 )  # endings of a database's files: a journal would be played back into a new one
 # The files of each step. The first one is there when the step is done.
 FILES = {
-    "frames": ("frames",),
+    f"{DATABASE} frames": (f"frames/{DATABASE}",),
+    f"{QUERY} frames": (f"frames/{QUERY}",),
     f"{DATABASE} faces": (f"faces/{DATABASE}",),
     f"{QUERY} faces": (f"faces/{QUERY}",),
     "index": ("database.index",),

@@ -34,7 +34,13 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         is_foreign=_is_of_localizer,
     )
     add = parser.add_argument
-    add("--database_images", type=pathlib.Path, required=True, metavar="DIR", help="folder of the database images")
+    add(
+        "--database_images",
+        type=pathlib.Path,
+        required=True,
+        metavar="PATH",
+        help="folder of the database images, or a video of the place",
+    )
     add("--queries", type=pathlib.Path, required=True, metavar="PATH", help="folder of photos, a photo, or a video")
     add("--output", "--output_path", dest="output_path", type=pathlib.Path, required=True, metavar="DIR")
     add(
@@ -95,7 +101,7 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         choices=(*PANORAMA_ROLES,),
         help="which photos are equirectangular panoramas; they are cut into perspective faces",
     )
-    add("--frames_per_second", type=_positive, help=f"of a video; default: {FRAMES_PER_SECOND}")
+    add("--frames_per_second", type=_positive, help=f"frames taken from a video; default: {FRAMES_PER_SECOND}")
     add(
         "--sequence",
         type=positive_int,
@@ -195,15 +201,16 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
             raise InputError(f"--{name} has no effect {missing}")
     if options.num_neighbors is not None and not matches_neighbors(options):
         logger.warning("--num_neighbors has no effect without --poses and one of --complete 1, --masks and --sequence")
-    if options.frames_per_second is not None and not is_video(options.queries):
+    videos = [path for path in (options.database_images, options.queries) if is_video(path)]
+    if options.frames_per_second is not None and not videos:
         raise InputError(f"--frames_per_second has no effect, because --queries {options.queries} is not a video")
     names = {word.partition("=")[0] for word in words}
     if has_stored_queries(options) and "--onnx_path" in names:
         raise InputError("--onnx_path has no effect with --masks and --sequence")
     if options.sequence is not None and "--LazyLocalizer.group_size" in names:
         raise InputError("--LazyLocalizer.group_size: is given by --sequence")
-    if is_video(options.queries):
-        open_video(options.queries).release()
+    for video in videos:
+        open_video(video).release()
     for word, value in itertools.pairwise([*words, ""]):
         name, has_value, joined = word.partition("=")
         path = pathlib.Path(joined if has_value else value)
@@ -252,8 +259,8 @@ def _check_output(path: pathlib.Path) -> None:
 
 
 def _check_paths(options: argparse.Namespace) -> None:
-    if not options.database_images.is_dir():
-        raise InputError(f"--database_images {options.database_images}: is not a folder")
+    if not options.database_images.is_dir() and not is_video(options.database_images):
+        raise InputError(f"--database_images {options.database_images}: is neither a folder nor a video")
     if options.masks is not None and not options.masks.is_dir():
         raise InputError(f"--masks {options.masks}: is not a folder")
     if options.masks is not None and next(options.masks.rglob("*.png"), None) is None:

@@ -54,6 +54,7 @@ class Project:
     results: KeptResults
     queries: str  # as they were given
     command: str  # that was given
+    is_film: bool  # the database images are the frames of a video
 
     def add(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
         """Adds images by name without features, as far as their cameras are known."""
@@ -61,12 +62,15 @@ class Project:
             self.runner.run([self.colmap, "database_creator", "--database_path", database])
         add_images(database, {name: camera for name, camera in cameras.items() if camera is not None})
 
-    def extract(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
-        """Extracts the features of images by name; without a camera, COLMAP guesses it or takes EXIF's focal length."""
+    def extract(
+        self, database: pathlib.Path, cameras: Mapping[str, Camera | None], has_one_camera: bool = False
+    ) -> None:
+        """Extracts the features of images by name; without a camera, COLMAP guesses it or takes EXIF's focal length:
+        one for all with `has_one_camera`."""
         self.add(database, cameras)
         words = [*self._command("feature_extractor"), "--database_path", database]
         words += ["--image_path", self.folder.images, "--image_list_path", self.folder.write_list("images", cameras)]
-        words += self.sift_options
+        words += [*self.sift_options, *(["--ImageReader.single_camera", 1] if has_one_camera else [])]
         if self.has_masks:
             words += ["--ImageReader.mask_path", self.folder.masks]
         self.runner.run(words, f"features of {len(cameras)} images")
@@ -114,10 +118,11 @@ def make_features(project: Project, cameras: Mapping[str, Camera | None]) -> lis
     """
     folder, steps = project.folder, project.steps
     names = sorted(cameras)
-    key = fingerprint(_extraction(project, cameras))
+    has_one_camera = project.is_film and None in cameras.values()
+    key = fingerprint(_extraction(project, cameras), has_one_camera)
     # COLMAP gives photos of the same camera one camera, if it has to guess it, but only those of the same run.
     if steps.begin("features", key, resumes=None not in cameras.values()):
-        project.extract(folder.database, cameras)
+        project.extract(folder.database, cameras, has_one_camera)
         steps.finish("features", key)
     used = _with_features(folder.database, names)
     warn_left_out(folder, cameras, sorted(set(names).difference(used)))
@@ -171,14 +176,16 @@ def match_database(project: Project, used: Sequence[str], posed: PosedImages | N
     if posed is not None:
         pairs = pairs_by_viewpoint(posed.images, num_neighbors) if num_neighbors and len(posed.images) > 1 else []
     else:
-        pairs = all_pairs(used) if len(used) <= MAX_NUM_EXHAUSTIVE else []
-    is_retrieved = posed is None and not pairs
+        pairs = all_pairs(used)
+        if len(used) > MAX_NUM_EXHAUSTIVE:
+            pairs = pairs_in_sequence(used, SEQUENCE_REACH) if project.is_film else []
+    is_retrieved = posed is None and len(used) > MAX_NUM_EXHAUSTIVE
     key = fingerprint(pairs, project.use_gpu, NUM_RETRIEVED if is_retrieved else None)
     if steps.begin("matches", key):
         remove_matches(folder.database)
         if pairs:
             project.match(folder.database, pairs)
-        elif is_retrieved:
+        if is_retrieved:
             project.match_retrieved(folder.database, used)
         steps.finish("matches", key)
 
