@@ -306,6 +306,57 @@ def matrices_of_7_scenes(folder, poses):
     return folder / "seq-01"
 
 
+def matrix_text(rotation, vector):
+    return "".join(row(values) for values in [*matrix(rotation, vector), np.array([0, 0, 0, 1.0])])
+
+
+def seven_scenes(folder, poses):
+    """A pose of a test sequence is not read."""
+    save(folder, "scene/TrainSplit.txt", "sequence1\n")
+    for index, (r, c) in enumerate(poses.values()):
+        save(folder, f"scene/seq-01/frame-{index:06}.pose.txt", matrix_text(r, c))
+    save(folder, "scene/seq-02/frame-000000.pose.txt", matrix_text(np.eye(3), np.zeros(3)))
+    return folder / "scene"
+
+
+def twelve_scenes(folder, poses):
+    """The first two frames are for testing."""
+    info = f"m_colorWidth = {WIDTH}\nm_colorHeight = {HEIGHT}\nm_depthWidth = 320\n"
+    info += f"m_calibrationColorIntrinsic = {FX} 0 {CX} 0 0 {FY} {CY} 0 0 0 1 0 0 0 0 1\n"
+    save(folder, "scene/info.txt", info)
+    save(
+        folder, "scene/split.txt", "sequence0 [frames=2]  [start=0 ; end=1]\nsequence1 [frames=5]  [start=2 ; end=6]\n"
+    )
+    for index, (r, c) in enumerate([(np.eye(3), np.zeros(3))] * 2 + list(poses.values())):
+        save(folder, f"scene/data/frame-{index:06}.pose.txt", matrix_text(r, c))
+    return folder / "scene"
+
+
+def scannet(folder, poses):
+    intrinsics = np.array([[FX, 0, CX], [0, FY, CY], [0, 0, 1.0]])
+    save(folder, "scene/intrinsic/intrinsic_color.txt", matrix_text(intrinsics, np.zeros(3)))
+    for index, (r, c) in enumerate(poses.values()):
+        save(folder, f"scene/pose/{index}.txt", matrix_text(r, c))
+    return folder / "scene"
+
+
+def arkit_scenes(folder, poses):
+    """Each photo has intrinsics of its own; those of larger photos are not for these."""
+    rows = []
+    for t, r, c in by_time(poses):
+        rows.append(row(round(t, 3), Rotation.from_matrix(r.T).as_rotvec(), -r.T @ c))
+        save(folder, f"video/lowres_wide_intrinsics/41_{t:.3f}.pincam", row(WIDTH, HEIGHT, FX, FY, CX, CY))
+    save(folder, "video/wide_intrinsics/41_1234.500.pincam", row(1920, 1440, 1600, 1600, 960, 720))
+    save(folder, "video/lowres_wide.traj", "".join(rows))
+    return folder / "video"
+
+
+def cambridge_folder(folder, poses):
+    cambridge(folder / "scene", poses)
+    nvm(folder / "scene", poses).rename(folder / "scene" / "reconstruction.nvm")
+    return folder / "scene"
+
+
 def csv_quaternion(folder, poses):
     camera = [WIDTH, HEIGHT, FX, FY, CX, CY]
     rows = [(n, c, wxyz(r), camera) for n, (r, c) in poses.items()]
@@ -332,13 +383,17 @@ def csv_translation(folder, poses):
 
 @dataclass(frozen=True)
 class Writer:
-    """A kind of file: its format, and what it leaves out: names (then photos are numbered from 0) or intrinsics."""
+    """A kind of file: its format, and what it leaves out: names (then photos are numbered from 0) or intrinsics.
+
+    `photos`: their names in a dataset.
+    """
 
     form: str
     write: Callable
     names: bool = True
     camera: str | None = CAMERA  # what is read; None if --camera is needed
     options: dict = field(default_factory=dict)
+    photos: tuple[str, ...] | None = None
 
 
 ONE_FOCAL_LENGTH = f"PINHOLE {WIDTH} {HEIGHT} {FX} {FX} {CX} {CY}"
@@ -363,6 +418,7 @@ WRITERS = {
     "bundler": Writer("bundler", bundler, camera=CENTRED),
     "nvm": Writer("nvm", nvm),
     "cambridge": Writer("cambridge", cambridge, camera=None),
+    "cambridge_folder": Writer("cambridge", cambridge_folder),
     "record3d": Writer("record3d", record3d, False),
     "polycam_keyframes": Writer("polycam", polycam_keyframes),
     "splatting": Writer("splatting", splatting, camera=f"PINHOLE {WIDTH} {HEIGHT} {FX} {FY} {WIDTH / 2} {HEIGHT / 2}"),
@@ -373,6 +429,21 @@ WRITERS = {
     "matrices": Writer("matrices", matrices, False, None),
     "open3d": Writer("matrices", matrices_of_open3d, False, None),
     "7_scenes": Writer("matrices", matrices_of_7_scenes, False, None),
+    "7_scenes_folder": Writer(
+        "7scenes",
+        seven_scenes,
+        camera="SIMPLE_PINHOLE 640 480 525 320 240",
+        photos=tuple(f"seq-01/frame-{index:06}.color.png" for index in range(5)),
+    ),
+    "12_scenes": Writer(
+        "12scenes", twelve_scenes, photos=tuple(f"data/frame-{index:06}.color.jpg" for index in range(2, 7))
+    ),
+    "scannet": Writer("scannet", scannet, photos=tuple(f"color/{index}.jpg" for index in range(5))),
+    "arkit_scenes": Writer(
+        "arkitscenes",
+        arkit_scenes,
+        photos=tuple(f"lowres_wide/41_{TIME + STEP * index:.3f}.png" for index in range(5)),
+    ),
     "csv_quaternion": Writer("csv", csv_quaternion),
     "csv_xyzw": Writer("csv", csv_xyzw, camera=None),
     "csv_angles": Writer("csv", csv_angles, camera=None),

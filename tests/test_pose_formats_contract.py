@@ -20,20 +20,23 @@ from pose_writers import WRITERS
 NUM_MUTATIONS = 40
 NAMED = [f"set/IMG {index:04}.jpg" for index in range(5)]
 NUMBERED = [f"set/{index:06}.jpg" for index in range(5)]
-FOLDERS = ("7_scenes", "polycam_keyframes", "xmp")  # with a file for each pose
+FOLDERS = (  # with a file for each pose, or a split that is a file of its own
+    *("7_scenes", "7_scenes_folder", "12_scenes", "arkit_scenes", "cambridge_folder", "polycam_keyframes"),
+    *("scannet", "xmp"),
+)
 KINDS = pytest.mark.parametrize("kind", WRITERS)
 
 
 @pytest.fixture(scope="session")
 def folders(tmp_path_factory):
-    """Folders of photos: with names, and with the numbers of frames."""
-    found = {}
-    for has_names, names in ((True, NAMED), (False, NUMBERED)):
-        found[has_names] = pose_files.write_named(tmp_path_factory.mktemp("photos"), names)
-    return found
+    """Folders of photos by their names."""
+    every = {tuple(names_of(kind)) for kind in WRITERS}
+    return {names: pose_files.write_named(tmp_path_factory.mktemp("photos"), names) for names in sorted(every)}
 
 
 def names_of(kind):
+    if WRITERS[kind].photos is not None:
+        return list(WRITERS[kind].photos)
     # A tab stands for blanks in lists whose columns are separated by blanks.
     return NAMED if WRITERS[kind].names and kind not in ("pix4d", "bundler") else NUMBERED
 
@@ -41,7 +44,7 @@ def names_of(kind):
 def read(kind, path, folders, form=None):
     writer = WRITERS[kind]
     camera = Camera.parse("", pose_writers.CAMERA) if writer.camera is None else None
-    folder = folders[names_of(kind) is NAMED]
+    folder = folders[tuple(names_of(kind))]
     return read_posed_images(Source(path, Photos(folder), camera, **writer.options), form)
 
 
@@ -80,7 +83,7 @@ def test_options_replace_the_convention(kind, folders, tmp_path):
     truth = pose_writers.make_poses(names_of(kind))
     path = WRITERS[kind].write(tmp_path, truth)
     camera = Camera.parse("", pose_writers.CAMERA)
-    folder = folders[names_of(kind) is NAMED]
+    folder = folders[tuple(names_of(kind))]
     options = {**WRITERS[kind].options, "camera_axes": "frd"}
     posed = read_posed_images(Source(path, Photos(folder), camera, **options))
     assert posed.convention.camera_axes == "frd"
@@ -92,10 +95,14 @@ def test_options_replace_the_convention(kind, folders, tmp_path):
         assert np.allclose(first.cam_from_world.cam_in_world, second.cam_from_world.cam_in_world)
 
 
+def files_of(folder):
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
 def damaged(kind, folders, tmp_path, change):
     """Returns how many images are read from a damaged file, or None and its one line."""
     path = WRITERS[kind].write(tmp_path, pose_writers.make_poses(names_of(kind)))
-    file = sorted(path.glob("*"))[kind == "colmap"] if path.is_dir() else path  # a model's second file is images.txt
+    file = files_of(path)[kind == "colmap"] if path.is_dir() else path  # a model's second file is images.txt
     file.write_bytes(change(file.read_text()).encode("utf-8", "replace"))
     try:
         with warnings.catch_warnings():
@@ -176,7 +183,7 @@ def mutate(text, rng):
 @KINDS
 def test_mutated_files_are_read_or_refused_in_one_line(kind, folders, tmp_path):
     path = WRITERS[kind].write(tmp_path, pose_writers.make_poses(names_of(kind)))
-    files = sorted(path.glob("*")) if path.is_dir() else [path, *tmp_path.glob("list.txt")]
+    files = files_of(path) if path.is_dir() else [path, *tmp_path.glob("list.txt")]
     texts, rng = {file: file.read_text() for file in files}, random.Random(kind)
     for index in range(NUM_MUTATIONS):
         file = rng.choice(files)

@@ -128,7 +128,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "file",
         metavar="FILE",
         type=pathlib.Path,
-        help="file of poses, or a folder (colmap, polycam, matrices, exif, panoramas)",
+        help="file of poses, or a folder, for example of a COLMAP model or of a scene of 7 Scenes",
     )
     add("--output_path", type=pathlib.Path, required=True, help="folder of the model or of the faces; for exif a file")
     add(

@@ -15,7 +15,6 @@ A query is paired with the ten images that DenseVLAD retrieves, if hloc's file e
 """
 
 import pathlib
-import re
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from benchmarks.localization.datasets.scene_source import Options, SceneSource, 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pairs import read_pairs
+from colmap_lazyloc.pose_formats.datasets import KINECT, read_split
 from colmap_lazyloc.text_files import parse_numbers
 
 SCENES = ("chess", "fire", "heads", "office", "pumpkin", "redkitchen", "stairs")
@@ -33,10 +33,6 @@ BY_HAND = (
     "non-commercial use); unpack each scene's zip and the zips of its sequences into it, or use --download"
 )
 SFM_BY_HAND = "get the 7 Scenes models from https://github.com/tsattler/visloc_pseudo_gt_limitations"
-
-# Focal length of the colour camera: 525 is the Kinect's nominal value, with which published results were computed.
-DEFAULT_FOCAL_LENGTH_PX = 525.0
-WIDTH, HEIGHT = 640, 480
 
 
 def archives(scene_name: str) -> dict[str, str]:
@@ -52,7 +48,7 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
     if options.ground_truth == "sfm":
         images, query_names = _read_sfm(data_path / "7scenes_reference_models" / name / "sfm_gt")
     else:
-        images, query_names = _read_original(scene_path, options.focal_length_px or DEFAULT_FOCAL_LENGTH_PX)
+        images, query_names = _read_original(scene_path, options.focal_length_px or KINECT.params[0])
     # Keep every n-th database image and every n-th query.
     database_names = sorted(set(images) - set(query_names))[:: options.image_step]
     query_names = sorted(query_names)[:: options.image_step]
@@ -64,7 +60,7 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
 
 
 def _read_original(scene_path: pathlib.Path, focal_length_px: float) -> tuple[dict, list[str]]:
-    camera = Camera("SIMPLE_PINHOLE", WIDTH, HEIGHT, (focal_length_px, WIDTH / 2, HEIGHT / 2))
+    camera = Camera(KINECT.model, KINECT.width, KINECT.height, (focal_length_px, *KINECT.params[1:]))
     images, query_names = {}, []
     for split in ("TrainSplit.txt", "TestSplit.txt"):
         for sequence in read_split(require(scene_path / split, BY_HAND)):
@@ -81,17 +77,6 @@ def _read_sfm(path: pathlib.Path) -> tuple[dict, list[str]]:
     images = read_source_images(require(path, SFM_BY_HAND))
     test_names = lines_of(require(path / "list_test.txt", SFM_BY_HAND))
     return images, [name for name in test_names if name in images]
-
-
-def read_split(path: pathlib.Path) -> list[str]:
-    """Reads the folders of the sequences: `sequence1` is seq-01."""
-    sequences = []
-    for line in lines_of(path):
-        match = re.fullmatch(r"sequence(\d+)", line)
-        if not match:
-            raise InputError(f"{path}: expected `sequence<number>`, found '{line}'")
-        sequences.append(f"seq-{int(match.group(1)):02d}")
-    return sequences
 
 
 def read_pose(path: pathlib.Path):

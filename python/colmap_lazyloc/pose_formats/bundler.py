@@ -1,15 +1,19 @@
 """Reads lists of cameras of Bundler, VisualSFM and Cambridge Landmarks."""
 
+import dataclasses
 import functools
 from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import brown_camera
+from colmap_lazyloc.pose_formats.naming import clean
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
 from colmap_lazyloc.pose_formats.text import numbers
 from colmap_lazyloc.text_files import read_entries
+
+CAMBRIDGE = "dataset_train.txt"
 
 
 def parse(source: Source) -> RawPoses:
@@ -52,15 +56,27 @@ def parse_nvm(source: Source) -> RawPoses:
 
 
 def parse_cambridge(source: Source) -> RawPoses:
-    """Reads dataset_train.txt: lines with name, centre and quaternion, after three lines of a head."""
+    """Reads dataset_train.txt: lines with name, centre and quaternion, after three lines of a head.
+
+    The intrinsics are those of reconstruction.nvm, which has other endings of names.
+    """
+    path = source.path / CAMBRIDGE if source.path.is_dir() else source.path
+    model = path.with_name("reconstruction.nvm")
+    has_model = source.camera is None and model.is_file()
+    poses = parse_nvm(dataclasses.replace(source, path=model)).poses if has_model else []
+    cameras = {_stem(pose.name): pose.camera for pose in poses if isinstance(pose, RawPose) and pose.name}
 
     def parse_line(line: str) -> RawPose:
         name, *words = line.rsplit(maxsplit=7)
         values = numbers(words, 7)
-        return RawPose(values[3:], values[:3], name, camera=source.camera)
+        return RawPose(values[3:], values[:3], name, camera=source.camera or cameras.get(_stem(name)))
 
-    lines = [line for _, line in read_entries(source.path)][2:]
+    lines = [line for _, line in read_entries(path)][2:]
     return RawPoses(each(lines, parse_line, lambda line: line.split()[0]))
+
+
+def _stem(name: str) -> str:
+    return clean(name).rpartition(".")[0]
 
 
 def _camera(focal: tuple[float, float], radial: Sequence[float], size: tuple[int, int]) -> Camera:
