@@ -1,7 +1,9 @@
 """Tests of `lazyloc run`: from files to the report by one command, with positions that are right."""
 
 import csv
+import dataclasses
 import json
+import pathlib
 import re
 import shutil
 
@@ -22,6 +24,7 @@ from colmap_lazyloc.pose_formats.posed_images import PosedImage
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project import colmap_runner, steps
 from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
+from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
 
 MAX_POSITION_ERROR = 0.05  # in a courtyard of 20 m
@@ -344,9 +347,9 @@ LOG = (
     "I1 incremental_mapper.cc:375] Registering image #6 (7)",
     "I1 incremental_pipeline.cc:537] Registering image #6 (num_reg_frames=8)",
     "I1 incremental_mapper.cc:378] => Image sees 395 / 894 points",
-    "I1 pairing.cc:685] Matching block [2/5]",
+    "I1 pairing.cc:400] Matching image [2/5]",
 )
-COUNTS = [(3, 40, "photos"), (7, 20, "photos have poses"), (8, 20, "photos have poses"), (2, 5, "blocks")]
+COUNTS = [(3, 40, "photos"), (7, 20, "photos have poses"), (8, 20, "photos have poses"), (2, 5, "photos")]
 
 
 def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
@@ -360,21 +363,49 @@ def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
             shown.append((self.n, self.total, text))
 
     monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: Bar)
-    bar = ProgressBar("mapping", num_images=20)
+    bar = ProgressBar("mapping", 20, "photos have poses")
     for line in LOG:
         bar.read(line, {})
     bar.read("", {"done": 1, "of": 4})
-    assert shown == [*COUNTS, (1, 4, "queries")]
+    assert shown == [(0, 20, "photos have poses"), *COUNTS, (1, 4, "queries")]
+
+
+def test_lines_of_progress_have_the_time_that_is_left(monkeypatch, caplog):
     monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: None)
+    now = 1000.0
+    monkeypatch.setattr(colmap_runner.time, "monotonic", lambda: now)
     caplog.set_level("INFO", logger="colmap_lazyloc")
-    for seconds in (100.0, 0.0):
-        monkeypatch.setattr(colmap_runner, "SECONDS_PER_LINE", seconds)
-        caplog.clear()
-        bar = ProgressBar("", num_images=20)
-        for line in LOG:
-            bar.read(line, {})
-        lines = [f"{done} of {total} {what}" for done, total, what in COUNTS]
-        assert caplog.messages == ([] if seconds else lines)
+    bar = ProgressBar("mapping", 20, "photos have poses")
+    for seconds, done in ((20, 1), (40, 2), (45, 3), (400, 20), (4000, 30), (40000, 40)):
+        now = 1000.0 + seconds
+        bar.show(done, 40, "photos")
+    assert caplog.messages == [
+        "mapping",
+        "2 of 40 photos, about 13 min left",
+        "20 of 40 photos, about 7 min left",
+        "30 of 40 photos, about 22 min left",
+        "40 of 40 photos",
+    ]
+    bar.show(1, 40, "photos")
+    assert len(caplog.messages) == 5, "at most a line every 30 seconds"
+
+
+def test_pairs_are_matched_in_parts_that_take_some_seconds(monkeypatch, tmp_path):
+    parts, shown = [], []
+
+    class Runner:
+        def run(self, words):
+            parts.append(pathlib.Path(words[-1]).read_text().split("\n")[:-1])
+
+    monkeypatch.setattr(steps, "SECONDS_PER_PART", 0.0)
+    monkeypatch.setattr(steps.Project, "_command", lambda self, name: [name])
+    monkeypatch.setattr(ProgressBar, "show", lambda self, done, total, what: shown.append((done, total, what)))
+    fields = dict.fromkeys(field.name for field in dataclasses.fields(steps.Project))
+    project = steps.Project(**{**fields, "folder": Folder(tmp_path), "runner": Runner()})
+    pairs = [(f"{index}", "x") for index in range(50)]
+    project.match(tmp_path / "database.db", pairs)
+    assert [pair for part in parts for pair in part] == [f"{first} {second}" for first, second in pairs]
+    assert shown == [(20, 50, "pairs"), (40, 50, "pairs"), (50, 50, "pairs")]
 
 
 def test_pairs_by_viewpoint_are_near_and_look_the_same_way():

@@ -17,8 +17,7 @@ from colmap_lazyloc.progress import terminal_bar
 
 GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+ +\d+ \S+\] ")
 STACK_TRACE = re.compile(r"@ +0x|\*\*\* |PC: |terminate called|what\(\): ")  # what follows a failed check of COLMAP
-
-
+PROCESSED = re.compile(r"(?:file|image) \[(\d+)/(\d+)\]")  # extracted, indexed or matched
 REGISTERED = re.compile(r"Registering image #\d+ \((?:num_reg_frames=)?(\d+)\)")  # of COLMAP 3 or 4
 SECONDS_PER_LINE = 30.0  # where there is no bar
 
@@ -29,11 +28,8 @@ class ColmapRunner:
     def __init__(self, log_path: pathlib.Path):
         self._log_path = log_path
 
-    def run(self, words: Sequence[object], title: str = "", num_images: int = 0) -> None:
-        """Runs a command; raises InputError with its last line, or the one before a stack trace, if it fails.
-
-        `num_images`: that the mapper may register.
-        """
+    def run(self, words: Sequence[object], bar: "ProgressBar | None" = None) -> None:
+        """Runs a command; raises InputError with its last line, or the one before a stack trace, if it fails."""
         texts = [str(word) for word in words]
         last_line = ""
         prctl = getattr(ctypes.CDLL(None), "prctl", None)  # of Linux
@@ -52,14 +48,14 @@ class ColmapRunner:
                 )
             except OSError as error:
                 raise InputError(f"{texts[0]}: cannot be run: {error.strerror}") from None
-            bar = ProgressBar(title, num_images)
             has_pose = False
             try:
                 assert process.stdout is not None
                 for line in process.stdout:
                     log.write(line)
                     result = _result(line)
-                    bar.read(line, result)
+                    if bar is not None:
+                        bar.read(line, result)
                     if result.get("position") and not has_pose:
                         has_pose = True
                         x, y, z = result["position"]
@@ -72,46 +68,56 @@ class ColmapRunner:
                 process.terminate()
                 process.wait()
                 raise
-            finally:
-                bar.close()
         if code != 0:
             cause = GLOG_PREFIX.sub("", last_line) or "no message"
             raise InputError(f"{pathlib.Path(texts[0]).name} {texts[1]} failed: {cause} (log: {self._log_path})")
 
 
 class ProgressBar:
-    """Shows how far a command is: on a terminal by a bar, elsewhere and without tqdm by a line from time to time."""
+    """Shows how far a step is, and the time that is left: on a terminal by a bar, elsewhere and without tqdm by a line
+    from time to time. Use it in a `with` statement."""
 
-    def __init__(self, title: str, num_images: int = 0):
-        """`num_images`: that the mapper may register."""
-        if title:
-            logger.info(title)
+    def __init__(self, title: str, total: int = 0, what: str = ""):
+        """`total`, `what`: how many of what the step has to do, if that is known."""
+        logger.info(title)
         bar = terminal_bar()
         self._bar = None if bar is None else bar(leave=False)
-        self._num_images, self._time = num_images, time.monotonic()
+        self._total, self._begin = total, time.monotonic()
+        self._time = self._begin
+        if total > 0 and self._bar is not None:
+            self.show(0, total, what)
+
+    def __enter__(self) -> "ProgressBar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
 
     def read(self, line: str, result: dict[str, Any]) -> None:
         """Reads a line of COLMAP, such as `Processed file [3/40]`, or the result of a query."""
-        if match := re.search(r"Processed file \[(\d+)/(\d+)\]", line):
-            self._show(int(match[1]), int(match[2]), "photos")
+        if match := PROCESSED.search(line):
+            self.show(int(match[1]), int(match[2]), "photos")
         elif match := REGISTERED.search(line):
-            self._show(int(match[1]), self._num_images, "photos have poses")
-        elif match := re.search(r"\[(\d+)/(\d+)\]", line):
-            self._show(int(match[1]), int(match[2]), "blocks")
+            self.show(int(match[1]), self._total, "photos have poses")
         elif result:
-            self._show(result["done"], result["of"], "queries")
+            self.show(result["done"], result["of"], "queries")
 
-    def _show(self, done: int, total: int, what: str) -> None:
+    def show(self, done: int, total: int, what: str) -> None:
+        """Shows that this many are done."""
+        now = time.monotonic()
         if self._bar is not None:
             self._bar.n, self._bar.total = done, total
             self._bar.set_postfix_str(what, refresh=True)
-        elif time.monotonic() - self._time > SECONDS_PER_LINE:
-            self._time = time.monotonic()
-            logger.info("%d of %d %s", done, total, what)
+        elif now - self._time > SECONDS_PER_LINE:
+            self._time = now
+            left = f", about {_duration((now - self._begin) / done * (total - done))} left" if 0 < done < total else ""
+            logger.info("%d of %d %s%s", done, total, what, left)
 
-    def close(self) -> None:
-        if self._bar is not None:
-            self._bar.close()
+
+def _duration(seconds: float) -> str:
+    minutes = round(seconds / 60)
+    return f"{round(seconds)} s" if seconds < 90 else f"{minutes} min" if minutes < 90 else f"{minutes / 60:.1f} h"
 
 
 def _result(line: str) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+import time
 import zlib
 from collections.abc import Mapping, Sequence
 
@@ -26,7 +27,7 @@ from colmap_lazyloc.pose_formats.exif_gps import in_local_frame, read_photos
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, Positions, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
 from colmap_lazyloc.project.alignment import Distance, NotAlignedError, align_to_positions, scale_to_distance
-from colmap_lazyloc.project.colmap_runner import ColmapRunner
+from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
 from colmap_lazyloc.project.folder import ALIGNMENT, Folder, Steps, content, fingerprint, remove
 from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
@@ -38,6 +39,7 @@ MAX_NUM_WORDS = 16384  # of the vocabulary tree
 MIN_FEATURES_PER_WORD = 10
 SEQUENCE_REACH = 5  # frames before and after one with which it is matched
 MIN_MODEL_SIZE = 3
+FIRST_NUM_PAIRS, SECONDS_PER_PART = 20, 10.0  # that are matched at once
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,15 +75,28 @@ class Project:
         words += [*self.sift_options, *(["--ImageReader.single_camera", 1] if has_one_camera else [])]
         if self.has_masks:
             words += ["--ImageReader.mask_path", self.folder.masks]
-        self.runner.run(words, f"features of {len(cameras)} images")
+        with ProgressBar(f"features of {len(cameras)} images", len(cameras), "photos") as bar:
+            self.runner.run(words, bar)
         tidy_images(database)
 
     def match(self, database: pathlib.Path, pairs: Sequence[tuple[str, str]]) -> None:
-        """Matches pairs and verifies the matches; those in the database are kept."""
-        path = self.folder.write_list("pairs", (f"{first} {second}" for first, second in pairs))
-        words = [*self._command("matches_importer"), "--database_path", database]
-        words += ["--match_type", "pairs", "--match_list_path", path]
-        self.runner.run(words, f"matching {len(pairs)} pairs")
+        """Matches pairs and verifies the matches; those in the database are kept.
+
+        COLMAP writes matches, and says how far it is, only after each thousand pairs, which can take an hour. It gets
+        as many pairs at once as take a few seconds, so that their number shows the progress.
+        """
+        command = [*self._command("matches_importer"), "--database_path", database, "--match_type", "pairs"]
+        done, count = 0, FIRST_NUM_PAIRS
+        with ProgressBar(f"matching {len(pairs)} pairs", len(pairs), "pairs") as bar:
+            while done < len(pairs):
+                some = pairs[done : done + count]
+                path = self.folder.write_list("pairs", (f"{first} {second}" for first, second in some))
+                begin = time.monotonic()
+                self.runner.run([*command, "--match_list_path", path])
+                rate = len(some) / max(time.monotonic() - begin, 1e-3)
+                count = max(FIRST_NUM_PAIRS, round(rate * SECONDS_PER_PART))
+                done += len(some)
+                bar.show(done, len(pairs), "pairs")
 
     def match_retrieved(self, database: pathlib.Path, names: Sequence[str]) -> None:
         """Matches images with those that look alike, by a vocabulary tree of the database images."""
@@ -89,7 +104,8 @@ class Project:
         words += ["--VocabTreeMatching.vocab_tree_path", self._vocabulary_tree()]
         words += ["--VocabTreeMatching.num_images", NUM_RETRIEVED]
         words += ["--VocabTreeMatching.match_list_path", self.folder.write_list("retrieved", names)]
-        self.runner.run(words, f"matching {len(names)} images with those that look alike")
+        with ProgressBar(f"matching {len(names)} images with those that look alike", len(names), "photos") as bar:
+            self.runner.run(words, bar)
 
     def _command(self, name: str) -> list[object]:
         """Returns the words that run a command of COLMAP, with our SIFT unless the colmap is not ours."""
@@ -106,7 +122,8 @@ class Project:
             staged = tree.with_suffix(".tmp")
             words = [self.colmap, "vocab_tree_builder", "--database_path", self.folder.database]
             words += ["--vocab_tree_path", staged, "--num_visual_words", max(1, num_words)]
-            self.runner.run(words, "vocabulary tree for retrieval")
+            with ProgressBar("vocabulary tree for retrieval") as bar:
+                self.runner.run(words, bar)
             staged.replace(tree)
         return tree
 
@@ -235,7 +252,8 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
     words += ["--output_path", folder.sparse, "--Mapper.min_model_size", MIN_MODEL_SIZE]
     if not refines_cameras:
         words += ["--Mapper.ba_refine_focal_length", 0]
-    project.runner.run(words, "mapping, because there are no poses", len(used))
+    with ProgressBar("mapping, because there are no poses", len(used), "photos have poses") as bar:
+        project.runner.run(words, bar)
     if not any(path.is_dir() for path in folder.sparse.iterdir()):
         raise InputError(f"{folder.path}: COLMAP's mapper found no poses: the photos overlap too little")
     project.steps.finish("sparse", key)
@@ -348,7 +366,8 @@ def localize(
     # Goes on with an unfinished run of the same queries.
     words += ["--output_path", folder.localized, "--resume" if folder.localized.exists() else "--overwrite", 1]
     words += [*project.sift_options, *options]
-    project.runner.run(words, f"localizing {len(query_lines)} queries")
+    with ProgressBar(f"localizing {len(query_lines)} queries", len(query_lines), "queries") as bar:
+        project.runner.run(words, bar)
     project.results.finish()
 
 
