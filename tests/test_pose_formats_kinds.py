@@ -122,6 +122,46 @@ def test_shots_of_opendronemap_are_in_the_zone_of_their_coordinates(latitude, he
     assert_poses(read(path, origin=origin), truth, 1e-6, 1e-6)
 
 
+def test_grid_in_feet_needs_a_system_of_the_heights(tmp_path):
+    path = pose_writers.csv_quaternion(tmp_path, make_poses(["a.jpg"], shift=(3_000_000, 1_700_000, 5000)))
+    for crs, metres in (("EPSG:2232+6360", 5000 * 1200 / 3937), ("EPSG:2232+5703", 5000)):
+        height = read(path, crs=crs).origin.height_m
+        assert abs(height - metres) < 100  # between the sea and the ellipsoid
+    with pytest.raises(InputError, match="EPSG:2232: is in the unit US survey foot, which leaves that of heights open"):
+        read(path, crs="EPSG:2232")
+
+
+@pytest.mark.parametrize("write", [pose_writers.csv_angles, pose_writers.pix4d])
+def test_angles_in_geocentric_axes_are_refused(write, tmp_path):
+    path = write(tmp_path, make_poses(["a.jpg"], shift=(4_000_000, 900_000, 4_800_000)))
+    with pytest.raises(InputError, match="--crs EPSG:4978: (yaw|omega), .* are no angles about the axes"):
+        read(path, crs="EPSG:4978")
+
+
+@pytest.mark.parametrize(
+    ("scale", "middle", "warns"),
+    [
+        ((1e-5, 1e-5, 1), (8.5, 47.3, 410), True),
+        ((1e-5, 1e-5, 1), (-70.1, -33.4, 600), True),
+        ((1, 1, 1), (8.5, 47.3, 410), False),
+        ((1, 1, 1), (0, 0, 0), False),
+        ((1e-5, 1e-5, 1e-5), (8.5, 47.3, 410), False),
+        ((1e-5, 1e-5, 1), (0, 0, 0), False),
+    ],
+)
+def test_degrees_without_a_reference_system_are_named(scale, middle, warns, tmp_path, caplog):
+    truth = {
+        name: (turn, centre * scale + middle)
+        for name, (turn, centre) in make_poses(["a.jpg", "b.jpg", "c.jpg"]).items()
+    }
+    path = pose_writers.csv_quaternion(tmp_path, truth)
+    read(path)
+    assert ("look like degrees of longitude and latitude: give --crs EPSG:4326" in caplog.text) == warns
+    caplog.clear()
+    if warns:
+        assert read(path, crs="EPSG:4326").origin is not None and not caplog.messages
+
+
 def test_origin_moves_every_local_frame(tmp_path):
     """Two surveys get one frame."""
     truth = make_poses(["a.jpg", "b.jpg"])
@@ -235,6 +275,130 @@ def test_trailing_separators(tmp_path):
 def test_decimal_commas(tmp_path):
     path = save(tmp_path, "a.csv", "name;x;y;z;yaw;pitch;roll\na.jpg;1,5;-2,25;3;0;0;0\n")
     assert np.allclose(read(path).images[0].cam_from_world.cam_in_world, (1.5, -2.25, 3))
+
+
+@pytest.mark.parametrize(
+    ("separator", "form"), [(";", "{:.12f}"), (";", "{:.12E}"), ("\t", "{:.12f}"), ("\t", "{:.12e}"), (" ", "{:.12f}")]
+)
+@pytest.mark.parametrize("first", ["", "sep=SEPARATOR\n"])
+def test_decimal_commas_beside_other_separators(separator, form, first, tmp_path):
+    truth = make_poses(["a.jpg", "b.jpg"])
+    lines = [["name", "x", "y", "z", "qw", "qx", "qy", "qz"]]
+    for name, (rotation, centre) in truth.items():
+        lines.append(
+            [name, *(form.format(value).replace(".", ",") for value in (*centre, *pose_writers.wxyz(rotation)))]
+        )
+    text = "".join(separator.join(words) + "\n" for words in lines)
+    path = save(tmp_path, "a.csv", first.replace("SEPARATOR", separator) + text)
+    assert_poses(read(path), truth)
+
+
+UNITS = [
+    ("name,x [mm],Y (mm),z [millimetres],qw,qx,qy,qz", 1000, 1, None),
+    ("name,X (cm),Y (cm),Z (cm),qw [],qx [],qy [],qz []", 100, 1, None),
+    ("name,x [m],y (metres),z [km],qw,qx,qy,qz", (1, 1, 1e-3), 1, None),
+    ("name,X (East),Y (North),Z (Up),qw,qx,qy,qz", 1, 1, None),
+    ("name,x,y,z,yaw [rad],pitch (rad),roll [radians]", 1, np.pi / 180, "ypr"),
+    ("name,x,y,z,yaw [gon],pitch [gon],roll [gon]", 1, 1 / 0.9, "ypr"),
+    ("name,x,y,z,Yaw (°),Pitch (deg),Roll [degrees]", 1, 1, "ypr"),
+    ("name,x,y,z,omega [rad],phi [rad],kappa [rad]", 1, np.pi / 180, "opk"),
+]
+
+
+@pytest.mark.parametrize(("header", "of_metre", "of_degree", "kind"), UNITS)
+def test_units_in_brackets_are_used(header, of_metre, of_degree, kind, tmp_path):
+    truth, rows = make_poses(["a.jpg", "b.jpg"]), []
+    for name, (rotation, centre) in truth.items():
+        if kind == "ypr":
+            level = rotation @ pose_writers.LEVEL.T
+            turn = Rotation.from_matrix(level).as_euler("ZXY", degrees=True) * (-of_degree, of_degree, of_degree)
+        elif kind == "opk":
+            turn = Rotation.from_matrix(rotation @ pose_writers.OPENGL).as_euler("XYZ", degrees=True) * of_degree
+        else:
+            turn = np.array(pose_writers.wxyz(rotation))
+        rows.append((name, centre * of_metre, turn))
+    assert_poses(read(table(tmp_path, "a.csv", header, rows)), truth)
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("name,latitude,longitude,altitude (ft),yaw,pitch,roll", "a column is in ft: give metres and degrees"),
+        ("name,x [feet],y [feet],z [feet],yaw,pitch,roll", "a column is in feet"),
+        ("name,x [in],y,z,yaw,pitch,roll", "a column is in in:"),
+        ("name,x,y,z,yaw,pitch,roll,fx [mm]", "the intrinsics are in mm, not in pixels"),
+    ],
+)
+def test_units_that_are_not_used_are_refused(header, message, tmp_path):
+    path = table(tmp_path, "a.csv", header, [("a.jpg", [1, 2, 3, 4, 5, 6, 500][: header.count(",")])])
+    with pytest.raises(InputError, match=message):
+        read(path, write_named(tmp_path / "photos", ["a.jpg"]), camera=None if "fx" in header else CAMERA)
+
+
+def reality_capture_list(folder, poses, header, first=""):
+    """Writes "Comma separated Name, X, Y, Z, Heading, Pitch, Roll", of which there are several headers."""
+    rows = []
+    for name, (rotation, centre) in poses.items():
+        angles = Rotation.from_matrix(rotation @ pose_writers.OPENGL).as_euler("ZXY", degrees=True)
+        rows.append((name, centre, angles * (-1, 1, 1)))
+    return table(folder, "rc.csv", first + header, rows)
+
+
+@pytest.mark.parametrize("first", ["", "#cameras 2\n", "#cameras 2\r\n"])
+@pytest.mark.parametrize("height", ["alt", "z"])
+@pytest.mark.parametrize("heading", ["heading", "yaw"])
+def test_lists_of_reality_capture_without_intrinsics(first, height, heading, tmp_path):
+    """A camera at heading, pitch and roll 0 looks down, not along the horizon as in a table of one's own."""
+    truth = make_poses(["a.jpg", "b.jpg"])
+    path = reality_capture_list(tmp_path, truth, f"#name,x,y,{height},{heading},pitch,roll", first)
+    assert_poses(read(path), truth)
+    with pytest.raises(InputError, match="by its #name.*: give the format realitycapture, or remove the #"):
+        read(path, form="csv")
+
+
+def test_omega_phi_kappa_of_reality_capture_are_refused(tmp_path):
+    path = table(tmp_path, "rc.csv", "#name,x,y,z,omega,phi,kappa", [("a.jpg", [1, 2, 3, 4, 5, 6])])
+    with pytest.raises(
+        InputError, match="omega, phi, kappa, which have another order there: export 'Internal/External"
+    ):
+        read(path)
+
+
+def test_omega_phi_kappa_of_metashape(tmp_path, caplog):
+    """The file has commas in its comment and tabs between its columns, and a matrix beside the angles."""
+    truth, rows = make_poses(["IMG 1.jpg", "IMG 2.jpg"]), []
+    for name, (rotation, centre) in truth.items():
+        turn = rotation @ pose_writers.OPENGL
+        angles = Rotation.from_matrix(turn).as_euler("XYZ", degrees=True)
+        rows.append((name[:-4], centre, angles, turn.T.ravel()))
+    names = ", ".join(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+    header = f"# Cameras (2)\n# PhotoID, X, Y, Z, Omega, Phi, Kappa, {names}"
+    path = table(tmp_path, "opk.txt", header, rows, "\t")
+    assert_poses(read(path, write_named(tmp_path / "photos", list(truth))), truth)
+    assert "not used" not in caplog.text
+
+
+def test_names_with_blanks_between_blanks(tmp_path):
+    truth = make_poses(["my set/IMG 1.JPG", "my set/IMG 2.JPG"])
+    assert_poses(read(pose_writers.pix4d(tmp_path, truth)), truth)
+    bundler = pose_writers.bundler(tmp_path, truth)
+    photos = write_named(tmp_path / "photos", list(truth))
+    assert_poses(read(bundler, photos), truth)
+    save(tmp_path, "list.txt", "".join(f"{name}\n" for name in truth))
+    assert_poses(read(bundler, photos), truth)
+
+
+def test_list_without_names_of_columns_and_commas_is_ambiguous(tmp_path):
+    """EuRoC's order of quaternions begins with w, TUM's ends with it."""
+    truth = make_poses([f"{time:.6f}.jpg" for time in (1, 1.1)])
+    rows = [(name[:-4], centre, xyzw(rotation)) for name, (rotation, centre) in truth.items()]
+    path = save(tmp_path, "a.csv", "".join(pose_writers.row(*values, separator=",") for values in rows))
+    photos = write_named(tmp_path / "photos", list(truth))
+    with pytest.raises(InputError, match="their quaternions begin or end with w: give --quaternion_order"):
+        read(path, photos)
+    assert_poses(read(path, photos, quaternion_order="xyzw"), truth)
+    path.write_text("timestamp,tx,ty,tz,qx,qy,qz,qw\n" + path.read_text())
+    assert_poses(read(path, photos), truth)
 
 
 def test_poses_of_this_program_and_a_trajectory_are_told_apart(tmp_path):
@@ -405,6 +569,44 @@ def test_coefficients_that_would_be_dropped_are_refused(key, message, tmp_path):
         with pytest.raises(InputError, match=message):
             read(path, camera=None)
         read(path)  # --camera replaces the intrinsics
+
+
+@pytest.mark.parametrize("of_frames", [False, True])
+def test_list_of_coefficients_of_nerfstudio(of_frames, tmp_path):
+    path = pose_writers.transforms(tmp_path, make_poses(["a.jpg"]))
+    data = json.loads(path.read_text())
+    (data["frames"][0] if of_frames else data)["distortion_params"] = [0.1, 0.02, 0, 0, 0.001, 0.002]
+    path.write_text(json.dumps(data))
+    assert read(path, camera=None).images[0].camera.params[4:] == (0.1, 0.02, 0.001, 0.002)
+    path.write_text(json.dumps({**data, "ftheta_p0": 0.1}))
+    with pytest.raises(InputError, match="its f-theta lens is not supported"):
+        read(path, camera=None)
+
+
+def test_coefficients_of_blocks_exchange_that_would_be_dropped(tmp_path):
+    path = pose_writers.blocks_exchange(tmp_path, make_poses(["a.jpg"]))
+    path.write_text(path.read_text().replace("<FocalLength>", "<Distortion><K4>0.1</K4></Distortion><FocalLength>"))
+    with pytest.raises(InputError, match="k4"):
+        read(path, camera=None)
+
+
+def test_calibration_of_photoscan(tmp_path):
+    """Up to version 1.2, the principal point is from the corner of the photo."""
+    path = pose_writers.metashape(tmp_path, truth := make_poses(["a.jpg"]))
+    text = path.read_text()
+    old = text[text.index("<f>") : text.index("</calibration>")]
+    path.write_text(text.replace(old, "<fx>500</fx><fy>510</fy><cx>310</cx><cy>250</cy><skew>0</skew>"))
+    posed = read(path, write_named(tmp_path / "photos", list(truth)), camera=None)
+    assert posed.images[0].camera == CAMERA
+
+
+def test_further_models_of_visual_sfm_are_counted(tmp_path, caplog):
+    path = pose_writers.nvm(tmp_path, truth := make_poses(["a.jpg", "b.jpg"]))
+    text = path.read_text().removesuffix("\n0\n")
+    point = "1 2 3 255 255 255 1 0 0 1 1\n"
+    path.write_text(f"{text}\n2\n{point}{point}\n3\n" + "c.jpg\t500 1 0 0 0 0 0 0 0 0\n" * 3 + "\n0\n\n0\n")
+    assert_poses(read(path), truth)
+    assert "3 photos of another model are left out: only the first is read" in caplog.text
 
 
 def test_spherical_cameras(tmp_path):

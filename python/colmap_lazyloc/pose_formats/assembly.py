@@ -27,6 +27,9 @@ from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, BadPose, RawPose, RawP
 from colmap_lazyloc.poses import Pose
 
 MAX_NUM_NAMED = 3  # of what is left out
+MIN_NUM_DEGREES = 3  # poses, fewer of which show nothing about their coordinates
+MAX_DEGREES = 0.2  # that photos of a place are apart
+FAR_RATIO, HIGH_RATIO = 20, 10  # of their distance from 0, and of their heights in metres, to this
 MAX_REPEATED_ERROR = 1e-9  # of the numbers of two poses that are the same
 
 Poses = dict[int, Pose]  # by index in the file
@@ -37,6 +40,8 @@ def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImag
     frame = _frame(raw.frame, source)
     if frame.is_in_degrees:
         convention = dataclasses.replace(convention, vector="degrees")
+    if frame.is_geocentric and convention.is_of_angles:
+        raise InputError(f"--crs {frame.crs}: {convention.rotation} are no angles about the axes of this system")
     convention = convention.with_options(source.pose_direction, source.camera_axes, source.quaternion_order)
     camera, cam_from_body = read_calibration(source)
     if cam_from_body is not None:
@@ -44,6 +49,8 @@ def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImag
             raise InputError(f"--camera_axes {source.camera_axes}: --calibration says how the camera is mounted")
         convention = dataclasses.replace(convention, camera_axes="opencv")  # leaves the body's axes as they are
     raw, poses, left_out = _without_repeated(raw, convention)
+    if not frame.is_geographic:
+        _warn_of_degrees(poses, source)
     poses, origin = _to_local(poses, frame, source.origin, left_out)
     found = associate(raw.poses, source) if poses else Association({})
     left_out |= found.ambiguous
@@ -136,6 +143,17 @@ def _frame(frame: Frame, source: Source) -> Frame:
     if source.origin is not None and not frame.is_geographic:
         raise InputError(f"--geo_origin: {source.path} does not say where on the Earth its coordinates are: give --crs")
     return frame
+
+
+def _warn_of_degrees(poses: Poses, source: Source) -> None:
+    """Warns of x, y that look like longitude and latitude: near each other, and far from 0, beside metres in z."""
+    if len(poses) < MIN_NUM_DEGREES:
+        return
+    centres = np.array([pose.cam_in_world for pose in poses.values()])
+    middle, size = np.median(centres, axis=0), np.ptp(centres, axis=0)
+    is_on_globe = abs(middle[0]) <= 180 and abs(middle[1]) <= 90
+    if is_on_globe and 0 < max(size[:2]) < min(MAX_DEGREES, np.hypot(*middle[:2]) / FAR_RATIO, size[2] / HIGH_RATIO):
+        logger.warning("%s: x, y look like degrees of longitude and latitude: give --crs EPSG:4326", source.path)
 
 
 def _to_local(

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera
+from colmap_lazyloc.pose_formats.cameras import brown_camera, refuse_others
 from colmap_lazyloc.pose_formats.conventions import Convention
 from colmap_lazyloc.pose_formats.frames import Frame
 from colmap_lazyloc.pose_formats.geo import find_crs
@@ -15,6 +15,7 @@ from colmap_lazyloc.pose_formats.text import read_xml
 
 CONVENTION = Convention("cam_from_world", rotation="matrix", vector="centre")
 ORIENTATIONS = {"XRightYDown": "opencv", "XRightYUp": "opengl"}
+DISTORTION = {"k1", "k2", "k3", "p1", "p2"}
 MATRIX = [f"M_{row}{column}" for row in range(3) for column in range(3)]
 
 
@@ -77,5 +78,6 @@ def _camera(group: ET.Element) -> Camera:
     focal = focal or _number(group, "FocalLength") / _number(group, "SensorSize") * max(size)
     centre = _number(group, "PrincipalPoint/x", width / 2), _number(group, "PrincipalPoint/y", height / 2)
     k1, k2, k3, p1, p2 = (_number(group, f"Distortion/{name}", 0) for name in ("K1", "K2", "K3", "P1", "P2"))
+    refuse_others({child.tag.lower(): child.text for child in group.iterfind("Distortion/*")}, DISTORTION)
     # As in Metashape, P1 is OpenCV's p2, and the other way round.
     return brown_camera((width, height), (focal, focal), centre, (k1, k2, k3), (p2, p1))

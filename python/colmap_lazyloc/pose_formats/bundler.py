@@ -2,9 +2,10 @@
 
 import dataclasses
 import functools
+import re
 from collections.abc import Sequence
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import brown_camera
 from colmap_lazyloc.pose_formats.naming import clean
@@ -14,6 +15,7 @@ from colmap_lazyloc.pose_formats.text import numbers
 from colmap_lazyloc.text_files import read_entries
 
 CAMBRIDGE = "dataset_train.txt"
+_OF_LIST = re.compile(r" 0( [-+.\d]+)?$")  # behind a name that may have blanks: a zero, and the focal length of EXIF
 
 
 def parse(source: Source) -> RawPoses:
@@ -22,7 +24,7 @@ def parse(source: Source) -> RawPoses:
     path = next((path for path in lists if path.is_file()), None)
     if path is None:
         raise InputError(f"{source.path}: list.txt with the names of its photos must be beside it")
-    names = [line.split()[0] for _, line in read_entries(path)]
+    names = [_OF_LIST.sub("", line) for _, line in read_entries(path)]
     lines = [line for _, line in read_entries(source.path)]
     count = int(lines[0].split()[0])
     if count != len(names):
@@ -52,7 +54,17 @@ def parse_nvm(source: Source) -> RawPoses:
         # VisualSFM writes quotes for blanks in names.
         return RawPose((w, x, y, z), centre, name.replace('"', " "), camera=source.camera or camera)
 
-    return RawPoses(each(lines[1 : 1 + int(lines[0])], parse_camera, lambda line: line.split()[0]))
+    count = int(lines[0])
+    _warn_of_more_models(source, lines[1 + count :])
+    return RawPoses(each(lines[1 : 1 + count], parse_camera, lambda line: line.split()[0]))
+
+
+def _warn_of_more_models(source: Source, lines: Sequence[str]) -> None:
+    """Counts the photos of further models, whose coordinates are their own. `lines`: those behind the first cameras."""
+    num_points = int(lines[0]) if lines[:1] and lines[0].isdecimal() else 0
+    more = lines[1 + num_points : 2 + num_points]
+    if more and more[0].isdecimal() and int(more[0]) > 0:
+        logger.warning("%s: %s photos of another model are left out: only the first is read", source.path, more[0])
 
 
 def parse_cambridge(source: Source) -> RawPoses:

@@ -88,6 +88,8 @@ def spherical_camera(size: tuple[int, int]) -> Camera:
 
 def named_camera(values: Mapping[str, Any], size: tuple[int, int]) -> Camera:
     """Makes a camera of values with the names of transforms.json, without their underscores, for photos of a size."""
+    if any(name.startswith("ftheta") for name in values):
+        raise ValueError("its f-theta lens is not supported: calibrate it as OPENCV_FISHEYE")
     model = str(values.get("cameramodel") or "OPENCV").upper()
     if model == "EQUIRECTANGULAR":
         return spherical_camera(size)

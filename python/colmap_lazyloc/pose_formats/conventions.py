@@ -56,6 +56,11 @@ class Convention:
             quaternion=quaternion or self.quaternion,
         )
 
+    @property
+    def is_of_angles(self) -> bool:
+        """True if a rotation is written as angles relative to the horizon and to north."""
+        return self.rotation in ANGLES
+
     def fixes_centre(self) -> bool:
         """Returns true if the other direction turns the rotations alone."""
         return self.vector == "degrees" or (self.vector == "centre" and self.direction == "cam_from_world")
@@ -136,6 +141,7 @@ def _to_rotation_vector(rotation: Array) -> Array:
     return np.asarray(Rotation.from_matrix(rotation).as_rotvec())
 
 
+ANGLES = ("yaw, pitch, roll", "omega, phi, kappa", "yaw, pitch, roll about z, y, x")
 # Rotations that are neither matrices nor quaternions, but three numbers: from these, and to these.
 ROTATIONS: dict[str, tuple[Callable[[ArrayLike], Array], Callable[[Array], Array]]] = {
     "rotation vector": (_from_rotation_vector, _to_rotation_vector),  # axis times angle in radians

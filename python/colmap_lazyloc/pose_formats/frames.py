@@ -60,6 +60,10 @@ class Frame:
         """True if coordinates are longitudes and latitudes, which are those of a centre: no rotation turns them."""
         return self.crs is not None and bool(find_crs(self.crs).is_geographic)
 
+    @property
+    def is_geocentric(self) -> bool:
+        return self.crs is not None and bool(find_crs(self.crs).is_geocentric)
+
     def to_local(self, poses: Sequence[Pose], origin: GeoOrigin | None) -> tuple[list[Pose | None], GeoOrigin | None]:
         """Returns the poses in the local frame at `origin`, by default in their middle, and the origin of the frame.
 

@@ -101,9 +101,16 @@ def find_crs(text: str) -> Any:
     import pyproj
 
     try:
-        return pyproj.CRS.from_user_input(text)
+        crs = pyproj.CRS.from_user_input(text)
     except pyproj.exceptions.ProjError as error:
         raise InputError(f"--crs {text[:40]}: {str(error).splitlines()[0][:120]}") from None
+    axes = crs.axis_info
+    if crs.is_projected and len(axes) == 2 and axes[0].unit_conversion_factor != 1:
+        raise InputError(
+            f"--crs {text[:40]}: is in the unit {axes[0].unit_name}, which leaves that of heights open: name the "
+            "system of the heights, too, such as EPSG:2232+6360 (NAVD88 in feet) or EPSG:2232+5703 (in metres)"
+        )
+    return crs
 
 
 def to_geodetic(crs: Any, points: Array) -> Array:

@@ -158,8 +158,12 @@ def _camera(sensor: ET.Element) -> Camera:
         raise ValueError(f"sensor '{label}' has a skew b2, which COLMAP's camera models lack: calibrate it without b2")
     if number(values, "b2") != 0:
         logger.warning("sensor '%s': its skew b2 of %s pixels is left out", label, values["b2"])
-    focal = number(values, "f") + number(values, "b1"), number(values, "f")
-    centre = width / 2 + number(values, "cx"), height / 2 + number(values, "cy")
+    if "fx" in values:  # PhotoScan up to 1.2: its principal point is from the corner
+        focal = number(values, "fx"), number(values, "fy")
+        centre = number(values, "cx", width / 2), number(values, "cy", height / 2)
+    else:
+        focal = number(values, "f") + number(values, "b1"), number(values, "f")
+        centre = width / 2 + number(values, "cx"), height / 2 + number(values, "cy")
     radial = tuple(number(values, name) for name in ("k1", "k2", "k3", "k4"))
     tangential = number(values, EXCHANGED["p1"]), number(values, EXCHANGED["p2"])
     kind = calibration.get("type") or sensor.get("type") or "frame"

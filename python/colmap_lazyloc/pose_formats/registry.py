@@ -162,12 +162,9 @@ FORMATS: dict[str, Format] = {
         "Perspective: focal length, PrincipalPoint, K1 to K3, P1, P2",
     ),
     "realitycapture": Format(
-        "RealityCapture, RealityScan 2: Internal/External camera parameters, CSV",
+        "RealityCapture, RealityScan 2: Internal/External camera parameters, or the list with headings, CSV",
         table.parse_reality_capture,
-        lambda f: (
-            f.has("pitch", "roll", "heading|yaw")
-            and (f.has("f35mm|pxnorm") or f.has("f", "t1|px") or (f.starts("#") and f.has("alt", "heading")))
-        ),
+        table.is_reality_capture,
         Convention(TO_WORLD, "opengl", "yaw, pitch, roll", vector="centre"),
         "the file's; with --crs on the Earth, and headings are from true north",
         "f (35 mm film), px, py, k1 to k3, t1, t2; needs --image_path",

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Sequence
 
 from colmap_lazyloc.model import is_model
-from colmap_lazyloc.pose_formats.text import column_names, header_of, separator_of, simple_name, split
+from colmap_lazyloc.pose_formats.text import SEPARATOR_LINE, column_names, header_of, separator_of, simple_name, split
 
 HEAD_BYTES = 1 << 16
 ODM_HEADER = r"(EPSG:\d+|WGS84 UTM \d+[NS]|\+proj=.*)\s*$"  # of geo.txt
@@ -23,6 +23,7 @@ class Head:
                 self.data = file.read(HEAD_BYTES)
         self.text = self.data.decode("utf-8", "replace").lstrip("\ufeff \t\r\n")
         lines = [line.strip() for line in self.text.splitlines() if line.strip()]
+        lines = lines[1:] if lines and SEPARATOR_LINE.fullmatch(lines[0]) else lines
         self.body = [line for line in lines if not line.startswith("#")]
         self.first_line = self.body[0] if self.body else ""
         self.first_row = self.first_line.replace(",", " ").split()
@@ -38,6 +39,11 @@ class Head:
     @property
     def is_model(self) -> bool:
         return self.is_folder and is_model(self.path)
+
+    @property
+    def is_reality_capture(self) -> bool:
+        """True if the names of columns begin as those of RealityCapture, also below a line `#cameras 12`."""
+        return re.match(r"(#cameras \d+\s+)?#name,", self.text) is not None
 
     @property
     def has_matrices(self) -> bool:
@@ -102,8 +108,13 @@ FOREIGN: Sequence[tuple[str, Callable[[Head], bool], str]] = (
     ("a project of Metashape", lambda f: f.name.endswith((".psx", ".psz")), "export the cameras as 'Agisoft XML'"),
     (
         "a reference table of Metashape",
-        lambda f: "#coordinatesystem" in f.text[:200].lower() or f.has("label", "x/longitude|x/east"),
+        lambda f: "#coordinatesystem" in f.text[:200].lower() or f.has("label", "x/longitude|x/east|x/easting"),
         "export the cameras as 'Agisoft XML'",
+    ),
+    (
+        "a list of RealityCapture with omega, phi, kappa, which have another order there",
+        lambda f: f.is_reality_capture and f.has("omega", "phi", "kappa"),
+        "export 'Internal/External camera parameters'",
     ),
     (
         "a list of positions of OpenDroneMap (geo.txt)",

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import io
 
-from colmap_lazyloc.errors import logger
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import (
     PERSPECTIVE_KIND,
@@ -22,11 +22,12 @@ from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, Frame
 from colmap_lazyloc.pose_formats.naming import short_names
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import CameraOfSize, RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.pose_formats.text import Names, Row, Table, words
 
 NAME = (
     *("name", "image", "image_name", "imagefile", "file", "filename", "file_name", "file_path", "label"),
-    *("sourcefile", "photo"),
+    *("sourcefile", "photo", "photoid"),
 )
 LATITUDE = ("latitude", "lat", "gpslatitude")
 LONGITUDE = ("longitude", "lon", "lng", "long", "gpslongitude")
@@ -47,6 +48,8 @@ FILM_COEFFICIENTS = ("k1", "k2", "k3", "k4", "t1", "t2")
 TANGENTIAL = {"t1": "p2", "t2": "p1"}  # in OpenCV's order
 REALITY_CAPTURE_HOLDS = {PERSPECTIVE_KIND: "k1 k2 k3 p1 p2"}
 REALITY_CAPTURE = ("#name", "x", "y", "alt", "heading", "pitch", "roll", "f", "px", "py", *FILM_COEFFICIENTS)
+IN_PIXELS = {"f", "fx", "fy", "flx", "fly", "cx", "cy"}
+ROTATION_MATRIX = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))  # of Metashape, beside angles
 ALIASES = {"width": "w", "height": "h", "heightpx": "h", "f": "fx", "model": "cameramodel"}
 CAMERA_COLUMNS = (
     *("w", "h", "fx", "fy", "flx", "fly", "cx", "cy", "cameraanglex", "cameraangley", "cameramodel", "isfisheye"),
@@ -56,6 +59,11 @@ CAMERA_COLUMNS = (
 
 def parse(source: Source) -> RawPoses:
     """Reads a table of one's own."""
+    if is_reality_capture(Head(source.path)):
+        raise InputError(
+            f"{source.path}: is a list of RealityCapture, by its #name, whose angles have another meaning: give the "
+            "format realitycapture, or remove the # if it is a table of your own"
+        )
     table = Table(source.path)
     vector, frame, convention = _position(table)
     rotation, convention = _rotation(table, convention)
@@ -68,7 +76,7 @@ def parse(source: Source) -> RawPoses:
         return RawPose(turn, row.numbers(*vector), row.text(NAME), camera=camera)
 
     poses = each(table.rows(), parse_row, lambda row: row.label)
-    table.report_unused(CAMERA_COLUMNS)
+    table.report_unused((*CAMERA_COLUMNS, *ROTATION_MATRIX))
     if vector == TRANSLATION:
         logger.info("%s: tx, ty, tz are taken as COLMAP's cam_from_world (x, y, z would be the centre)", source.path)
     return RawPoses(poses, frame, convention)
@@ -111,8 +119,20 @@ def camera_of_row(row: Row) -> Camera | CameraOfSize | None:
     values = {ALIASES.get(name, name): value for name, value in row.values.items()}
     if not {"fx", "flx", "cameraanglex"} & set(values):
         return None
+    for name in sorted(IN_PIXELS.intersection(row.values)):
+        if row.unit(name):
+            raise ValueError(f"the intrinsics are in {row.unit(name)}, not in pixels")
     size = size_of(values)
     return functools.partial(named_camera, values) if size is None else named_camera(values, size)
+
+
+def is_reality_capture(head: Head) -> bool:
+    """True for a table of RealityCapture or RealityScan with headings; there are ones without intrinsics."""
+    if not head.has("pitch", "roll", "heading|yaw"):
+        return False
+    has_intrinsics = head.has("f35mm|pxnorm") or head.has("f", "t1|px")
+    is_list = head.is_reality_capture and head.has("alt|z")
+    return has_intrinsics or is_list or (head.starts("#") and head.has("alt", "heading"))
 
 
 def parse_reality_capture(source: Source) -> RawPoses:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import pathlib
 import re
 import xml.etree.ElementTree as ET
@@ -19,7 +20,20 @@ MISSING = ("", *_PLACEHOLDERS.split())
 # Columns of poses, in their simple names: positions, quaternions and angles. A line with as many of them is a header.
 _OF_POSES = re.compile(r"q?[wxyz]|[tpcr][xyz]|rw|lat(itude)?|lon(gitude)?|alt(itude)?|yaw|pitch|roll|omega|phi|kappa")
 MIN_NUM_OF_POSES = 6
-_OF_NAMES = ("name", "imagename", "image", "filename", "file", "photo", "label")
+_OF_NAMES = ("name", "imagename", "image", "filename", "file", "photo", "photoid", "label")
+
+# Units in brackets behind the name of a column, by their factors to metres and degrees, and those that are refused:
+# there are several feet. Other words in brackets are no units, as in `X (East)`.
+_UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "deg": 1.0, "rad": math.degrees(1), "gon": 0.9}
+_OTHER_UNITS = ("ft", "foot", "feet", "usft", "in", "inch", "yd", "mi", "dms", "mrad", "arcsec")
+_SPELLINGS = {"meter": "m", "metre": "m", "degree": "deg", "°": "deg", "radian": "rad", "grad": "gon"}
+_SPELLINGS |= {
+    f"{long}{metre}": f"{short}m"
+    for long, short in (("milli", "m"), ("centi", "c"), ("kilo", "k"))
+    for metre in ("meter", "metre")
+}
+SEPARATOR_LINE = re.compile(r"sep=.?")  # that Excel writes first, without blanks at its end
+_DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+([eE][-+]?\d+)?)$")
 
 Names = str | Sequence[str]  # of a column: any one of several
 
@@ -48,13 +62,16 @@ def read_xml(path: pathlib.Path) -> ET.Element:
 class Table:
     """The rows of a file with columns separated by commas, semicolons, tabs or blanks, by the names of their columns.
 
-    Names of columns are compared without case, blanks, underscores and units in brackets.
+    Names of columns are compared without case, blanks, underscores and units in brackets. Rows of poses are in metres
+    and degrees, whatever their units.
     """
 
     def __init__(self, path: pathlib.Path, layouts: Sequence[str] = ()):
         """`layouts`: names of the columns of a file that has no row with names, one for each number of columns."""
         self.path = path
         lines = [line.strip().removeprefix("\ufeff") for line in read_lines(path)]
+        if SEPARATOR_LINE.fullmatch(lines[0]):
+            lines[0] = ""
         body = [(number, line) for number, line in enumerate(lines, 1) if line and not line.startswith("#")]
         heads = [line for line in lines[: body[0][0] if body else None] if line]
         found = [line for line in reversed(heads) if _is_header(line)]
@@ -62,7 +79,8 @@ class Table:
         like = head if head is not None and separator_of(head) else body[0][1] if body else ""
         # A comment may have commas where the rows have blanks.
         first = next((line for _, line in body if line != head), "")
-        like_row = like if separator_of(like) in (None, separator_of(first)) else first
+        separator = separator_of(like)
+        like_row = like if separator is None or separator in first else first
         self._rows = [(number, split(line, like_row)) for number, line in body if line != head]
         if not self._rows:
             raise InputError(f"{path}: has no rows")
@@ -70,7 +88,9 @@ class Table:
         count = len(self._rows[0][1])
         known = {"qw", "m00", "r00", *(word for layout in layouts for word in layout.split())}
         # A comment may have as many words as there are columns.
+        self.separator, self.has_names = separator_of(like_row), True  # of the columns
         if layouts and (len(self.titles) != count or known.isdisjoint(map(simple_name, self.titles))):
+            self.has_names = False
             self.titles = next((words for layout in layouts if len(words := layout.split()) == count), [])
             if not self.titles:
                 counts = " or ".join(str(len(layout.split())) for layout in layouts)
@@ -78,10 +98,13 @@ class Table:
         if not self.titles:
             raise InputError(f"{path}: has no row with the names of its columns")
         self.columns = [simple_name(title) for title in self.titles]
+        self.units = [_unit_of(title) for title in self.titles]
         twice = next((name for name in self.columns if name and self.columns.count(name) > 1), None)
         if twice is not None:
             raise InputError(f"{path}: has two columns '{twice}'")
         self._used: set[str] = set()
+        if self.separator is None and self.columns[0] in _OF_NAMES:
+            self._rows = [(number, _join_first(words, len(self.columns))) for number, words in self._rows]
 
     def rows(self) -> list["Row"]:
         return [Row(self, number, words) for number, words in self._rows]
@@ -135,12 +158,19 @@ class Row:
         return self._words[place]
 
     def number(self, names: Names) -> float:
-        """Returns the value of a column as a number."""
-        text = self.text(names)
+        """Returns the value of a column as a number, in metres or degrees."""
+        text, unit = self.text(names), self.unit(names)
+        if unit in _OTHER_UNITS:
+            raise ValueError(f"a column is in {unit}: give metres and degrees")
         try:
-            return float(text)
+            return float(text) * _UNITS.get(unit, 1.0)
         except ValueError:
             raise ValueError(f"expected a number, found '{text[:40]}'") from None
+
+    def unit(self, names: Names) -> str:
+        """Returns the unit of a column; empty if it has none."""
+        place = self._table.find(names)
+        return "" if place is None else self._table.units[place]
 
     def numbers(self, *names: Names) -> list[float]:
         """Returns the values of several columns."""
@@ -154,6 +184,15 @@ class Row:
 def simple_name(text: str) -> str:
     """Returns the name of a column without case, blanks, underscores and units."""
     return re.sub(r"\[.*?\]|\(.*?\)|[\s_#\"]", "", text).lower()
+
+
+def _unit_of(title: str) -> str:
+    """Returns the unit in brackets of a column's title; empty if it has none that is known."""
+    found = [word for pair in re.findall(r"\[(.*?)\]|\((.*?)\)", title) for word in pair if word]
+    text = found[-1].strip().lower() if found else ""
+    text = text.removesuffix("s") if len(text) > 3 else text
+    text = _SPELLINGS.get(text, text)
+    return text if text in _UNITS or text in _OTHER_UNITS else ""
 
 
 def separator_of(line: str) -> str | None:
@@ -191,15 +230,20 @@ def column_names(line: str) -> list[str]:
 def split(line: str, like: str) -> list[str]:
     """Splits a line at the separator that another line has."""
     separator = separator_of(like)
-    if separator is None:
-        return line.split()
     try:
-        words = [word.strip() for word in next(csv.reader([line], delimiter=separator))]
+        words = line.split() if separator is None else next(csv.reader([line], delimiter=separator))
     except (csv.Error, StopIteration):
         return [line]
-    if separator == ";":  # numbers may have decimal commas
-        words = [re.sub(r"^(-?\d+),(\d+)$", r"\1.\2", word) for word in words]
+    words = [word.strip() for word in words]
+    if separator != ",":  # numbers may have decimal commas
+        words = [_DECIMAL_COMMA.sub(r"\1.\2", word) for word in words]
     return words
+
+
+def _join_first(words: list[str], count: int) -> list[str]:
+    """Returns `count` words, of which the first is a name that may have blanks."""
+    num_first = max(1, len(words) - count + 1)
+    return [" ".join(words[:num_first]), *words[num_first:]]
 
 
 def numbers(values: Any, count: int) -> list[float]:

@@ -43,6 +43,11 @@ def parse(source: Source, layouts: Sequence[str], convention: Convention, takes_
     table = Table(source.path, layouts)
     if table.has(NAME) and not takes_names:
         raise InputError(f"{source.path}: has a column with names, so that it is no trajectory: give csv or poses")
+    if not (takes_names or table.has_names) and table.separator == "," and source.quaternion_order is None:
+        raise InputError(
+            f"{source.path}: has neither names of columns nor blanks between them, as TUM's files have: their "
+            "quaternions begin or end with w: give --quaternion_order wxyz or xyzw"
+        )
     matrix, quaternion = _matrix_columns(table), QUATERNION
     if table.has("qrsw"):  # EuRoC
         quaternion = ("qrsw", "qrsx", "qrsy", "qrsz")

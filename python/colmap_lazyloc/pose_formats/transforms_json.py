@@ -22,10 +22,11 @@ from colmap_lazyloc.pose_formats.conventions import nearest_rotation
 from colmap_lazyloc.pose_formats.frames import Similarity
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, RawPose, RawPoses, each, matrix_parts, reason_of
-from colmap_lazyloc.pose_formats.text import read_json, simple_name
+from colmap_lazyloc.pose_formats.text import numbers, read_json, simple_name
 
 HOLDS = {PERSPECTIVE_KIND: "fy k1 k2 k3 p1 p2", FISHEYE_KIND: "fy k1 k2 k3 k4", SPHERICAL_KIND: ""}
 MODELS = {PERSPECTIVE_KIND: "OPENCV", FISHEYE_KIND: "OPENCV_FISHEYE", SPHERICAL_KIND: "EQUIRECTANGULAR"}
+DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
 APPLIED = "applied_transform", "applied_scale"  # from the coordinates before nerfstudio has turned them
 DATAPARSER = "transform", "scale"  # of dataparser_transforms.json: from the same coordinates to those of a training
 
@@ -35,7 +36,7 @@ def parse(source: Source) -> RawPoses:
 
     def parse_frame(frame: dict[str, Any]) -> RawPose:
         # Intrinsics stand in the frame or next to the frames.
-        values = {simple_name(name): value for name, value in {**data, **frame}.items()}
+        values = _values(data) | _values(frame)
         size = size_of(values)
         camera: Any = functools.partial(named_camera, values)
         if size is not None and source.camera is None:
@@ -44,6 +45,15 @@ def parse(source: Source) -> RawPoses:
         return RawPose(rotation, vector, str(frame["file_path"]), camera=camera)
 
     return RawPoses(each(data["frames"], parse_frame))
+
+
+def _values(data: dict[str, Any]) -> dict[str, Any]:
+    """Returns values by their simple names; nerfstudio reads coefficients by their names, or as a list."""
+    values = {simple_name(name): value for name, value in data.items()}
+    coefficients = values.pop("distortionparams", None)
+    if coefficients is not None:
+        values |= zip(DISTORTION, numbers(coefficients, len(DISTORTION)))
+    return values
 
 
 def read_frame(path: pathlib.Path) -> Similarity:
