@@ -142,7 +142,13 @@ def tool_page() -> str:
     for name, (_, purpose) in TOOL_COMMANDS.items():
         body += [".TP", rf"\fB{name}\fR", escape(purpose[0].upper() + purpose[1:]) + "."]
     body += [".PP", escape("The option --help after a command prints the command's options.")]
-    return make_page(TOOL, "localize photos, from files to the report", "command [options]", body, [PROGRAM, *COMMANDS])
+    return make_page(
+        TOOL,
+        "find where photos were taken, from photos with known poses",
+        "command [options]",
+        body,
+        [PROGRAM, *COMMANDS],
+    )
 
 
 def write_man_pages(program: pathlib.Path, folder: pathlib.Path) -> None:

@@ -60,7 +60,10 @@ def test_help_and_version(capsys):
         (["report"], "required"),
         (["evaluate", "none", "--ground_truth", "none"], "none"),
         (["import", "nothing", "file", "--output_path", "model"], "invalid choice"),
-        (["run", "--queries", "none", "--database_images", "none", "--output", "out"], "none: is not a folder"),
+        (
+            ["run", "--queries", "none", "--database_images", "none", "--output", "out"],
+            "none: is neither a folder nor a video",
+        ),
         (["demo", "--output_path", "demo", "--seed", "x"], "--seed"),
     ],
 )

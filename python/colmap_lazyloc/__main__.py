@@ -10,17 +10,17 @@ from colmap_lazyloc.errors import InputError, command, nearest
 # The module of each command, and what it does. Modules are imported when they are needed, because they need other
 # packages and take time to load.
 COMMANDS = {
-    "run": ("project.__main__", "localize photos or a video in a folder of photos: from files to the report"),
-    "import": ("import_poses", "make a COLMAP model from poses of other programs"),
-    "export": ("export_poses", "write poses in the formats of other programs"),
-    "check": ("agreement.__main__", "check whether poses agree with the matches of a database"),
-    "report": ("report.__main__", "write a page that shows the results of a run"),
-    "evaluate": ("evaluate", "compare poses with true ones"),
-    "retrieve": ("retrieval.__main__", "find database images by global descriptors"),
-    "cluster": ("cluster.__main__", "localize on a Dask cluster"),
-    "serve": ("serve.__main__", "localize photos that come by HTTP"),
-    "demo": ("demo.__main__", "render the photos of the demo"),
-    "doctor": ("doctor", "show what is installed, and what the extras would add"),
+    "run": ("project.__main__", "find where new photos or video frames were taken, and write a report"),
+    "import": ("import_poses", "convert camera poses of another program to a COLMAP model"),
+    "export": ("export_poses", "write the results in the format of another program"),
+    "check": ("agreement.__main__", "check whether camera poses fit the feature matches in a database"),
+    "report": ("report.__main__", "write an HTML page that shows the results of a run"),
+    "evaluate": ("evaluate", "compute pose errors from known true poses"),
+    "retrieve": ("retrieval.__main__", "find similar database images by global descriptors"),
+    "cluster": ("cluster.__main__", "localize many queries on a Dask cluster"),
+    "serve": ("serve.__main__", "run an HTTP service that localizes photos"),
+    "demo": ("demo.__main__", "render example photos"),
+    "doctor": ("doctor", "show what is installed and what is missing"),
 }
 
 

@@ -1,4 +1,4 @@
-"""Says what is installed: versions, the program, the extension module, and what each extra brings.
+"""Shows what is installed: versions, the colmap program, the Python extension, and the optional packages.
 
 lazyloc doctor
 """

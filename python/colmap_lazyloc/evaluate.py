@@ -3,10 +3,10 @@
     lazyloc evaluate ESTIMATED --ground_truth TRUTH
 
 ESTIMATED is the output folder of `colmap lazy_localizer`. ESTIMATED and TRUTH may also be files with lines
-`name qw qx qy qz tx ty tz` (cam_from_world, as in poses.txt) or folders with a COLMAP model, text or binary. A query
-without an estimated pose counts as a failure in every recall; mean and median are taken over the localized queries.
-Lengths are in the unit of the database, which is the metre if --unit is given or TRUTH is a model with geographic
-coordinates.
+`name qw qx qy qz tx ty tz` (cam_from_world, as in poses.txt), or folders with a COLMAP model, text or binary.
+Mean and median are over the localized queries. The recall is over all queries: a query without a pose counts as a
+failure. Lengths are in metres with --unit m, or if TRUTH is a model with geographic coordinates; otherwise they are in
+the unit of the database.
 """
 
 import argparse
@@ -42,7 +42,7 @@ class Recall(TypedDict):
 
 
 class Summary(TypedDict):
-    """Errors of the localized queries, None if there is none, and the recall over all queries."""
+    """Errors of the localized queries, None if no query is localized, and the recall over all queries."""
 
     num_queries: int
     num_localized: int

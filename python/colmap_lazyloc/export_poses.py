@@ -6,8 +6,8 @@ RESULTS is the output folder of `colmap lazy_localizer` or of `lazyloc run`. FOR
 import` reads all of them but EXPORTS.
 
 FORMATS
-Poses are written in the coordinates of the model, but for formats that have geographic ones: these need a model with
-geo.json. What a format cannot hold is named.
+Poses keep the coordinates of the model. Formats with latitude and longitude need a model with geo.json. A line names
+what the format cannot store.
 """
 
 import argparse
@@ -49,7 +49,11 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         metavar="PATH",
         help=f"file to write; for {folders} a folder",
     )
-    add("--with_database", action="store_true", help="also write the database images; default: the localized photos")
+    add(
+        "--with_database",
+        action="store_true",
+        help="also write the database images; default: only the localized photos",
+    )
     add(
         "--crs",
         help="for realitycapture, the coordinate reference system of the positions, for example EPSG:32632; default: "

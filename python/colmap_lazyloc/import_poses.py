@@ -1,16 +1,17 @@
-"""Makes a COLMAP model, cameras and poses without points, from a file of another program.
+"""Converts camera poses of another program to a COLMAP model without points.
 
     lazyloc import FORMAT FILE --output_path MODEL --image_path photos
 
 FORMAT is one of the following; `auto` recognizes FILE by its content.
 
 FORMATS
-The format `exif` reads GPS positions of the photos in the folder FILE instead, and writes a text file for
-`colmap lazy_localizer --query_position_path`. The format `panoramas` cuts the equirectangular photos in the folder FILE
-into perspective faces, and writes rig.json and queries.txt next to them.
 
-Geographic coordinates become a local frame in metres: x east, y north, z up. Its origin is in geo.json beside the
-model.
+Two formats make something else. With `exif`, FILE is a folder of photos; their GPS positions are written to a text
+file for `colmap lazy_localizer --query_position_path`. With `panoramas`, FILE is a folder of equirectangular photos;
+they are cut into perspective images, with rig.json and queries.txt.
+
+Geographic coordinates are converted to a local frame in metres: x east, y north, z up. The file geo.json beside the
+model has the origin of this frame.
 """
 
 import argparse
@@ -49,42 +50,42 @@ def add_source_options(add: Callable[..., Any]) -> None:
     add(
         "--camera",
         metavar="'MODEL W H PARAMS...'",
-        help="intrinsics of all images, as in a list of queries: 'OPENCV 1920 1080 fx fy cx cy k1 k2 p1 p2'; needed if "
-        "the file has none",
+        help="intrinsics of all database images, for example 'OPENCV 1920 1080 fx fy cx cy k1 k2 p1 p2'; needed if the "
+        "file of poses has no intrinsics",
     )
     add(
         "--calibration",
         type=pathlib.Path,
         metavar="FILE",
-        help="intrinsics of the camera and its mounting on the body, if FILE has the trajectory of a body: sensor.yaml "
-        "of EuRoC, camchain.yaml of Kalibr, calib.txt of KITTI, or calib_cam_to_pose.txt of KITTI-360",
+        help="where the camera is mounted on the robot or vehicle, and its intrinsics, if the poses are of the body: "
+        "sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or calib_cam_to_pose.txt (KITTI-360)",
     )
     add(
         "--crs",
-        help="coordinate reference system of the positions, for example EPSG:32632; default: that of the file, or a "
+        help="coordinate reference system of the positions, for example EPSG:32632; default: what the file says, or a "
         "local frame",
     )
     add(
         "--geo_origin",
         metavar="LAT,LON,HEIGHT",
-        help="origin of the local frame for geographic coordinates; default: the mean of the cameras",
+        help="origin of the local frame for geographic coordinates; default: the mean camera position",
     )
     add(
         "--pose_direction",
         choices=DIRECTIONS,
-        help="direction of the poses in FILE, if it is not that of the format: cam_from_world is x_cam = R x_world + t",
+        help="direction of the poses, if the file differs from its format: cam_from_world means x_cam = R x_world + t",
     )
     add(
         "--camera_axes",
         choices=list(CAMERA_AXES),
-        help="axes of the cameras in FILE, if they are not those of the format: opencv (x right, y down, z forward), "
+        help="camera axes, if the file differs from its format: opencv (x right, y down, z forward), "
         "opengl (x right, y up, z backward), body (x forward, y left, z up), frd (x forward, y right, z down), rfu (x "
         "right, y forward, z up)",
     )
     add(
         "--quaternion_order",
         choices=QUATERNION_ORDERS,
-        help="order of the numbers of a quaternion in FILE, if it is not that of the format",
+        help="order of the numbers in a quaternion, if the file differs from its format",
     )
 
 
@@ -123,37 +124,38 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("format", metavar="FORMAT", choices=[AUTO, *FORMATS, EXIF, PANORAMAS], help="the format of FILE")
+    add("format", metavar="FORMAT", choices=[AUTO, *FORMATS, EXIF, PANORAMAS], help="format of FILE")
     add(
         "file",
         metavar="FILE",
         type=pathlib.Path,
         help="file of poses, or a folder, for example of a COLMAP model or of a scene of 7 Scenes",
     )
-    add("--output_path", type=pathlib.Path, required=True, help="folder of the model or of the faces; for exif a file")
+    add("--output_path", type=pathlib.Path, required=True, help="folder to write; for exif, the text file to write")
     add(
         "--image_path",
         type=pathlib.Path,
-        help="folder of the photos: only their poses are taken, and the names are those of their files",
+        help="folder of the photos: poses of other photos are left out, and images get the names of these files",
     )
     add("--binary", action="store_true", help="write binary files; default: text")
     add(
         "--model",
         type=pathlib.Path,
-        help="for exif, the model whose coordinates (geo.json) the positions shall have; default: the mean position of "
-        "the photos is the origin",
+        help="for exif: model with geo.json, to whose coordinates the positions are converted; default: the origin is "
+        "the mean position of the photos",
     )
     add(
         "--rig_config_path",
         type=pathlib.Path,
         metavar="FILE",
-        help="rig calibration; FILE has the poses of its reference camera, from which the others are computed",
+        help="rig calibration: the poses are of the rig's reference camera, and the poses of its other cameras are "
+        "computed from them",
     )
     add(
         "--poses",
         type=pathlib.Path,
         metavar="FILE",
-        help="for panoramas, a file of their poses in any of the formats: the model of their faces is written, too",
+        help="for panoramas: their poses, in any of the formats; a model of the perspective images is written, too",
     )
     add_source_options(add)
     add_accept_option(add)

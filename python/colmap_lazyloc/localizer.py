@@ -61,9 +61,9 @@ class Localizer:
         `database`: a COLMAP database; None if every query has features and matches of its own (`localize_matches`).
         `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or {name: (R, t, camera)} with cam_from_world
         of each posed image: R is a 3x3 matrix or a quaternion (w, x, y, z); `camera` as for `localize_photo`. In place
-        of R and t, there may be one pose as for `localize_rig`: {name: (pose, camera)}.
+        of R and t, you can give one pose, as for `localize_rig`: {name: (pose, camera)}.
         `index`: the file of the retrieval index for photos, made or updated when the first photo needs it.
-        `options`: those of the command line by name (see `list_options`), for example {"num_retrieved": 20},
+        `options`: options of the command line by name (see `list_options`), for example {"num_retrieved": 20},
         {"LazyLocalizer": {"num_retrieved": 20}} or {"LazyLocalizer.num_retrieved": 20}.
         """
         given = dict(to_settings({} if options is None else options))
@@ -160,7 +160,7 @@ class Localizer:
         `camera`: as for `localize_photo`. `keypoints`: n x 2, xy in pixels.
         `pairs`: {name of a posed image: (its keypoints, matches)}, with m x 2 pixels and k x 2 integers: the index of a
         keypoint of the query and of a keypoint of the posed image. With `matches` alone instead of the pair, the
-        keypoints are those in the database. Matches are verified by COLMAP's two-view geometry.
+        keypoints are taken from the database. Matches are verified by COLMAP's two-view geometry.
         `position`, `gravity`: as for `localize`.
         """
         return self._localize_alone(Matches(camera, keypoints, pairs, name, position, gravity))

@@ -81,7 +81,7 @@ def pose_of(result: ResultFields) -> Pose | None:
 
 
 def unconfirmed_pose_of(result: ResultFields) -> Pose | None:
-    """Returns the query's pose, also if its confidence is too low; None if there is none."""
+    """Returns the query's pose, even if its confidence is too low; None if the query has no pose."""
     return pose_of(result) or to_pose(result.get("unconfirmed_cam_from_world"))
 
 

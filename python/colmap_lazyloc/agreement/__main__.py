@@ -1,10 +1,10 @@
-"""Says whether the poses of a model agree with the matches in a database.
+"""Checks whether the poses of a COLMAP model fit the feature matches in a database.
 
     lazyloc check database.db model
 
-Compares verified matches of at most 60 pairs with the given poses. If they do not agree, tries what people's poses turn
-out to be: other camera axes, the other direction, another order of the photos, and more. Names images whose poses
-contradict those of the others. An error of the scale or a shift of all poses cannot be seen in pairs.
+Compares the verified matches of up to 60 image pairs with the poses. If they do not fit, the command tries common
+mistakes: other camera axes, inverse poses, photos in another order, and more. It lists images whose poses contradict
+the other poses. A wrong scale, or a shift of all poses, cannot be detected in this way.
 The exit code is 2 if the poses are wrong.
 """
 

@@ -1,11 +1,11 @@
-"""Localizes queries in shards on a Dask cluster, and merges the shards.
+"""Divides the queries into shards, localizes these on a Dask cluster, and merges the results.
 
     lazyloc cluster --num_shards 64 --database_path database.db --input_path model \\
         --output_path localized [options of lazy_localizer]
 
 Each shard is a run of `colmap lazy_localizer --shard I/N --resume 1` on a worker. Without --scheduler, the workers are
-processes on this machine. The files in the folder of the shards are the only state: the same command, given again, goes
-on. All workers must see the files at the same paths.
+processes on this machine. All workers must see the files at the same
+paths. After an interruption, run the same command again: it continues from the files in the folder of the shards.
 """
 
 import argparse
@@ -38,19 +38,27 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
         is_foreign=lambda name: True,  # an option of lazy_localizer, which checks it
     )
     add = parser.add_argument
-    add("--num_shards", type=positive_int, required=True, help="number of shards; some per worker balance the load")
-    add("--output_path", type=pathlib.Path, required=True, help="folder for the merged results, as of lazy_localizer")
-    add("--shards_path", type=pathlib.Path, help="folder of the shards; default: --output_path with .shards")
+    add("--num_shards", type=positive_int, required=True, help="number of shards; several per worker balance the load")
+    add("--output_path", type=pathlib.Path, required=True, help="folder for the merged results")
+    add(
+        "--shards_path",
+        type=pathlib.Path,
+        help="folder for the results of the shards; default: --output_path with the ending .shards",
+    )
     add(
         "--num_workers",
         type=positive_int,
         default=os.cpu_count(),
-        help="processes on this machine, without --scheduler; default: number of cores",
+        help="without --scheduler: number of processes on this machine; default: number of cores",
     )
     add("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler, for example tcp://node1:8786")
-    add("--retries", type=int, default=2, help="times that a shard is tried again; default: %(default)s")
-    add("--dashboard_address", default=":8787", help="of Dask's dashboard, without --scheduler; default: %(default)s")
-    add("--program", help="path of colmap on the workers; default: as on this machine, else the installed package")
+    add("--retries", type=int, default=2, help="how often a failed shard is tried again; default: %(default)s")
+    add(
+        "--dashboard_address",
+        default=":8787",
+        help="without --scheduler: address of Dask's dashboard; default: %(default)s",
+    )
+    add("--program", help="path of colmap on the workers; default: the path on this machine, or the Python package")
     options, words = parser.parse_known_args(arguments)
     for word in words:
         name = word.removeprefix("--").split("=")[0]

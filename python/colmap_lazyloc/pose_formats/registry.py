@@ -98,7 +98,7 @@ FORMATS: dict[str, Format] = {
         colmap.parse,
         lambda f: f.is_model,
         COLMAP,
-        "that of geo.json, if it is beside the model",
+        "on the Earth if geo.json is beside the model",
         "all",
         writer=Writer(colmap.write, World.LOCAL, "points, rigs", folder=colmap.FILES),
     ),
@@ -138,7 +138,7 @@ FORMATS: dict[str, Format] = {
         "number of the frame",
     ),
     "euroc": _trajectory(
-        "EuRoC: data.csv of the ground truth, of the body; needs --calibration",
+        "EuRoC: data.csv, the ground truth for the body; needs --calibration",
         (),
         lambda f: f.has("prsrx"),
         Convention(TO_WORLD, "body"),
@@ -221,7 +221,7 @@ FORMATS: dict[str, Format] = {
         lambda f: f.json("features", "rotation", "filename"),
         Convention(FROM_WORLD, rotation="rotation vector", vector="centre"),
         "UTM, in the zone of the coordinates",
-        "those of cameras.json, or focal without distortion",
+        "from cameras.json, or focal without distortion",
     ),
     "bundler": Format(
         "Bundler: bundle.out with list.txt",
@@ -242,10 +242,10 @@ FORMATS: dict[str, Format] = {
         bundler.parse_cambridge,
         lambda f: (f.path / bundler.CAMBRIDGE).is_file() if f.is_folder else f.starts("Visual Landmark Dataset"),
         Convention(FROM_WORLD, vector="centre"),
-        cameras="those of reconstruction.nvm, if it is there, or --camera",
+        cameras="from reconstruction.nvm, or --camera",
     ),
     "7scenes": Format(
-        "7 Scenes: the folder of a scene, of which the sequences in TrainSplit.txt",
+        "7 Scenes: the folder of a scene; only the sequences in TrainSplit.txt are read",
         datasets.parse_seven_scenes,
         datasets.is_seven_scenes,
         Convention(TO_WORLD, rotation="matrix"),
@@ -256,7 +256,7 @@ FORMATS: dict[str, Format] = {
         datasets.parse_twelve_scenes,
         datasets.is_twelve_scenes,
         Convention(TO_WORLD, rotation="matrix"),
-        cameras="those of info.txt",
+        cameras="from info.txt",
     ),
     "scannet": Format(
         "ScanNet: the folder to which its reader exports color, pose and intrinsic",
@@ -296,7 +296,7 @@ FORMATS: dict[str, Format] = {
         cameras="fx, fy",
     ),
     "rtabmap": _trajectory(
-        "RTAB-Map: poses with ids, ..._camera_poses.txt; those of the robot need --calibration",
+        "RTAB-Map: poses with ids, ..._camera_poses.txt; poses of the robot need --calibration",
         trajectories.RTABMAP,
         lambda f: f.num_numbers == 9,
         Convention(TO_WORLD, quaternion="xyzw"),

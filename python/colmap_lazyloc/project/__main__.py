@@ -1,14 +1,14 @@
-"""Localizes photos, or the frames of a video, in a folder of photos: from files to the report.
+"""Finds where new photos or video frames were taken, and writes a report.
 
     lazyloc run --database_images photos --poses transforms.json --queries new_photos --output localization
 
---poses is a COLMAP model, or a file of another program, as for `lazyloc import`. Without it, COLMAP's mapper makes the
-poses first, in metres if photos have GPS or --scale is given. The photos' features and matches are made by COLMAP's
-commands in database.db in the output folder. With poses of more than 50 images, only the features of those are made
-that the queries need; --complete 1 makes all.
-Given again, the command does only what other photos, poses or options change. --onnx_path, and further options whose
-names have a dot, such as --LazyLocalizer.num_retrieved 40, are those of `colmap lazy_localizer`; those of
---SiftExtraction apply to all photos.
+--poses is a COLMAP model, or a file that `lazyloc import` reads. Without --poses, COLMAP's mapper reconstructs the
+database images first. The result is in metres if the photos have GPS or --scale is given.
+Features and matches go to database.db in the output folder. With poses of more than 50 database images, features are
+extracted only from the images that the queries need; --complete 1 extracts all.
+Run the command again after you have changed photos, poses or options, and it computes only what depends on the change.
+Options of `colmap lazy_localizer` work here, too: --onnx_path, and options with a dot in their names, such as
+--LazyLocalizer.num_retrieved 40. Options that begin with --SiftExtraction apply to all photos.
 """
 
 import argparse

@@ -41,19 +41,34 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         metavar="PATH",
         help="folder of the database images, or a video of the place",
     )
-    add("--queries", type=pathlib.Path, required=True, metavar="PATH", help="folder of photos, a photo, or a video")
-    add("--output", "--output_path", dest="output_path", type=pathlib.Path, required=True, metavar="DIR")
+    add(
+        "--queries",
+        type=pathlib.Path,
+        required=True,
+        metavar="PATH",
+        help="photos to localize: a folder, a photo, or a video",
+    )
+    add(
+        "--output",
+        "--output_path",
+        dest="output_path",
+        type=pathlib.Path,
+        required=True,
+        metavar="DIR",
+        help="folder for the results; it is made if it does not exist",
+    )
     add(
         "--poses",
         type=pathlib.Path,
         metavar="PATH",
-        help="poses of the database images; default: COLMAP's mapper makes them, which positions without rotations "
-        "(name, latitude, longitude, altitude) place on the Earth",
+        help="poses of the database images; default: COLMAP's mapper computes them. A table of positions without "
+        "rotations (name, latitude, longitude, altitude) gives the mapper's model its place and scale",
     )
     add(
         "--poses_format",
         choices=[*FORMATS, *positions.FORMATS],
-        help="format of --poses; default: by its content. `exif` is a folder of photos with GPS, `positions` a table",
+        help="format of --poses; default: recognized from the content. exif: a folder of photos with GPS; positions: a "
+        "table of positions",
     )
     of_poses = parser.add_argument_group("poses").add_argument
     add_source_options(of_poses)
@@ -61,14 +76,14 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
     of_poses(
         "--unit",
         choices=(METRE, MODEL_UNITS),
-        help="of lengths in --poses; default: m for geographic poses, else units",
+        help="unit of lengths in --poses: metres or unknown units; default: m for geographic poses, else units",
     )
     of_poses(
         "--scale",
         nargs=3,
         metavar=("A", "B", "METRES"),
-        help="without --poses: the distance between the cameras of two database images, which gives metres to photos "
-        "without GPS, for example --scale a.jpg b.jpg 4.2",
+        help="distance in metres between the cameras of two database images, for results in metres without GPS and "
+        "without --poses, for example --scale a.jpg b.jpg 4.2",
     )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
@@ -86,30 +101,35 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
     add(
         "--query_camera",
         metavar="'MODEL W H PARAMS...'",
-        help="intrinsics of the queries; default: those of a database image of the same size, EXIF, or a guess, "
-        "corrected by the images",
+        help="intrinsics of the queries; default: from a database image of the same size, from EXIF, or a guess "
+        "that the "
+        "images correct",
     )
     add(
         "--masks",
         type=pathlib.Path,
         metavar="DIR",
-        help="folder of masks: NAME.png for the photo NAME, black where features are not wanted; those of database "
-        "images and queries may be in folders `database` and `query`",
+        help="folder of masks: NAME.png for the photo NAME, black where no features are extracted; masks of database "
+        "images and of queries may be in the folders `database` and `query` inside it",
     )
     add(
         "--panoramas",
         choices=(*PANORAMA_ROLES,),
-        help="which photos are equirectangular panoramas; they are cut into perspective faces",
+        help="which photos are equirectangular panoramas; these are cut into perspective images",
     )
-    add("--frames_per_second", type=_positive, help=f"frames taken from a video; default: {FRAMES_PER_SECOND}")
+    add(
+        "--frames_per_second",
+        type=_positive,
+        help=f"frames to take from each second of a video; default: {FRAMES_PER_SECOND}",
+    )
     add(
         "--sequence",
         type=positive_int,
         nargs="?",
         const=GROUP_SIZE,
         metavar="N",
-        help="localize N consecutive queries together, matched with each other; without a number "
-        f"{GROUP_SIZE}; default: each alone",
+        help="match N consecutive queries with each other and localize them together; N may be left out "
+        f"({GROUP_SIZE}); default: each query is localized alone",
     )
     add = parser.add_argument_group("steps").add_argument
     add(
@@ -117,17 +137,21 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         type=int,
         choices=(0, 1),
         default=0,
-        help="with --poses: extract the features of all database images and match these with each other, too, for "
-        "other programs that use database.db; localization does not need it; default: 0",
+        help="with --poses: extract the features of all database images and match these images with each other, for "
+        "other programs that read database.db; localization does not need this; default: 0",
     )
     add(
         "--num_neighbors",
         type=positive_int,
-        help="database images that each is matched with, by the poses, with --complete, --masks or --sequence; "
-        f"default: {NUM_NEIGHBORS}",
+        help="with --complete, --masks or --sequence: number of nearby database images with which each database image "
+        f"is matched; default: {NUM_NEIGHBORS}",
     )
-    add("--use_gpu", type=int, choices=(0, 1), default=0, help="use COLMAP's GPU features and matching; default: 0")
-    add("--overwrite", action="store_true", help="remove all that earlier runs have left in the output folder")
+    add("--use_gpu", type=int, choices=(0, 1), default=0, help="extract and match features on the GPU; default: 0")
+    add(
+        "--overwrite",
+        action="store_true",
+        help="delete the results of earlier runs in the output folder, and start anew",
+    )
 
 
 def _is_of_localizer(name: str) -> bool:

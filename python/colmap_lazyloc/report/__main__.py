@@ -1,10 +1,10 @@
-"""Writes a report of a finished run: a page that a browser opens from the disk, without a server or a network.
+"""Writes a report of a finished run: an HTML page that needs neither a server nor a network.
 
     lazyloc report RUN --image_path photos --database_path database.db --output report.html
 
-RUN is the output folder of `colmap lazy_localizer` or of `lazyloc run`. The page shows where the queries are, how
-certain each pose is and what it rests on. Lengths are in the unit of the database, which is the metre if --unit is
-given or the run has geographic coordinates.
+RUN is the output folder of `colmap lazy_localizer` or of `lazyloc run`. The page shows where each query was
+taken, how certain its pose is, and which matches support it. Lengths are in metres with --unit m or geographic
+coordinates, otherwise in the unit of the database.
 """
 
 import argparse
@@ -38,7 +38,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--image_path",
         type=pathlib.Path,
-        help="folder of the photos, of queries and database images; default: the page has no photos",
+        help="folder with the photos of queries and database images; default: the page shows no photos",
     )
     parser.add_argument(
         "--database_path",
@@ -48,22 +48,26 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--ground_truth",
         type=pathlib.Path,
-        help="true poses of the queries, a poses file or a folder with a COLMAP model, in the coordinates of the "
-        "database: they are not aligned; default: of a leave-one-out run the input model, of other runs none",
+        help="true poses of the queries: a poses file or a folder with a COLMAP model. They must be in the "
+        "coordinates of "
+        "the database, because they are not aligned; default: none, or after a leave-one-out run the input model",
     )
     parser.add_argument(
         "--split",
         action="store_true",
-        help=f"write a folder, for large runs: a browser opens its {PAGE_NAME} and loads the rest when it is needed",
+        help=f"for large runs: write a folder instead of one file; open its {PAGE_NAME}, which loads the rest when "
+        f"needed",
     )
     parser.add_argument(
         "--unit",
         choices=(METRE, MODEL_UNITS),
-        help="of lengths: metres, or whatever the database has; default: m if the run has geographic coordinates",
+        help="unit of lengths: metres, or the unknown unit of the database; default: m if the run has geographic "
+        "coordinates",
     )
     parser.add_argument(
         "--crs",
-        help="reference system in which the page shows geographic positions, too, such as EPSG:32632; needs pyproj",
+        help="also show positions in this reference system, for example EPSG:32632; needs geographic coordinates "
+        "and pyproj",
     )
     _add_bounds(parser)
     _add_other_files(parser)
@@ -75,14 +79,14 @@ def _add_bounds(parser: argparse.ArgumentParser) -> None:
         "--max_num_images",
         type=_count,
         default=80,
-        help="maximum number of queries whose photos and matches are shown: three quarters of them the least certain, "
-        "the others drawn at random; each brings up to three database images; default: %(default)s",
+        help="maximum number of queries that are shown with photo and matches, each with up to three database images. "
+        "Three quarters are the least certain queries, one quarter is drawn at random; default: %(default)s",
     )
     parser.add_argument(
         "--max_num_points",
         type=_count,
         default=1000000,
-        help="maximum number of points, which are thinned evenly over the queries; default: %(default)s",
+        help="maximum number of points in the scene; more are thinned evenly over the queries; default: %(default)s",
     )
 
 
@@ -91,14 +95,16 @@ def _add_other_files(parser: argparse.ArgumentParser) -> None:
         "--tum",
         type=pathlib.Path,
         metavar="FILE",
-        help="also write the poses in the format of the TUM benchmark, world_from_cam, for evo; a query's time is the "
-        "last number in its file name, if these numbers are unique, or else its place in the order of the names",
+        help="also write the poses for evo, in the format of the TUM benchmark (world_from_cam). The time of a "
+        "query is "
+        "the last number in its file name, or 0, 1, 2, ... if these numbers are not unique",
     )
     parser.add_argument(
         "--plots",
         type=pathlib.Path,
         metavar="FOLDER",
-        help="also write plots as PNG and SVG files: distributions of errors and standard deviations, risk-coverage",
+        help="also write plots as PNG and SVG files: distributions of errors and standard deviations, and "
+        "risk-coverage",
     )
 
 

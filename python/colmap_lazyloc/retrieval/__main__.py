@@ -1,9 +1,9 @@
-"""Finds, for each query, the database images with the most similar global descriptors, and writes them as pairs.
+"""Finds the database images whose global descriptors are most similar to each query, and writes a list of pairs.
 
     lazyloc retrieve --descriptors_path global.h5 --input_path model --output_path pairs.txt
 
-The descriptors are hloc's HDF5 files, or `name.npy` (n x d, float16 or float32) with `name.txt`, which has one image
-name per row. The pairs are for `colmap lazy_localizer --pairs_path` and for hloc. The comparison is exact.
+The descriptors are in HDF5 files of hloc, or in `name.npy` (n x d, float16 or float32) with one image name per row in
+`name.txt`. `colmap lazy_localizer --pairs_path` and hloc read the list of pairs. The search is exact, not approximate.
 """
 
 import argparse
@@ -42,15 +42,29 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="file with one query per line, as for lazy_localizer; default: all images of --descriptors_path that are "
         "not database images",
     )
-    add("--leave_one_out", action="store_true", help="queries are database images; each is compared with all others")
-    add("--output_path", type=pathlib.Path, required=True, help="file of pairs to write, two names per line")
+    add(
+        "--leave_one_out",
+        action="store_true",
+        help="take the database images as queries, and compare each with all other ones",
+    )
+    add("--output_path", type=pathlib.Path, required=True, help="list of pairs to write: two names per line")
     add(
         "--ordered_query_list_path",
         type=pathlib.Path,
-        help="file to write: the queries in the order of their pairs, which lets lazy_localizer's caches help",
+        help="also write the queries in an order in which lazy_localizer reads fewer images again",
     )
-    add("--num_retrieved", type=positive_int, default=20, help="database images per query; default: %(default)s")
-    add("--shard", type=parse_shard, metavar="I/N", help="only the queries of part I of N, as in lazy_localizer")
+    add(
+        "--num_retrieved",
+        type=positive_int,
+        default=20,
+        help="number of database images per query; default: %(default)s",
+    )
+    add(
+        "--shard",
+        type=parse_shard,
+        metavar="I/N",
+        help="process only part I of N of the queries, as lazy_localizer does",
+    )
     add("--memory_gb", type=float, default=4, help="maximum memory in gigabytes; default: %(default)s")
     add("--num_threads", type=int, default=-1, help="number of threads; -1 uses all cores; default: %(default)s")
     return parser.parse_args(arguments)

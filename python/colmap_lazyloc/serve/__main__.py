@@ -1,10 +1,10 @@
-"""Localizes photos that come by HTTP: POST /localize answers with the line of results.jsonl.
+"""Runs an HTTP service that localizes photos: POST /localize returns the pose as JSON.
 
     lazyloc serve localization/model
 
-MODEL is the folder of a COLMAP model, or the output folder of `lazyloc run`. The database stays open, so that a photo
-costs no more than its localization. GET / is a page for phones and browsers, /openapi.json describes the interface. The
-service is for this machine alone, unless --host says otherwise. Options of lazy_localizer are taken, too.
+MODEL is the folder of a COLMAP model, or the output folder of `lazyloc run`. The database is opened once, not for each
+photo. GET / returns a page for phones and browsers, and /openapi.json describes the interface. Only this machine can
+reach the service, unless --host says otherwise. Options of `colmap lazy_localizer` work here, too.
 """
 
 import argparse
@@ -34,27 +34,34 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
     add(
         "--database_path",
         type=pathlib.Path,
-        help="COLMAP database with the features of the posed images, never written; default: database.db beside MODEL",
+        help="COLMAP database with the features of the posed images; it is only read; default: database.db beside "
+        "MODEL",
     )
-    add("--host", default="127.0.0.1", help="address to listen at; 0.0.0.0 is all of IPv4; default: %(default)s")
-    add("--port", type=_port, default=8000, help="0 takes a free one; default: %(default)s")
+    add("--host", default="127.0.0.1", help="address to listen on; 0.0.0.0: all IPv4 addresses; default: %(default)s")
+    add("--port", type=_port, default=8000, help="port to listen on; 0: any free port; default: %(default)s")
     add(
         "--tokens",
         type=pathlib.Path,
         metavar="FILE",
-        help="file with one bearer token per line, of which a request must have one; default: everybody may localize",
+        help="file with one bearer token per line; a request needs one of these; default: no token is needed",
     )
     add = parser.add_argument_group("limits").add_argument
-    add("--max_megabytes", type=positive_int, default=20, help="size of a request; default: %(default)s")
-    add("--max_megapixels", type=positive_int, default=64, help="size of a photo; default: %(default)s")
+    add("--max_megabytes", type=positive_int, default=20, help="maximum size of a request; default: %(default)s")
+    add("--max_megapixels", type=positive_int, default=64, help="maximum size of a photo; default: %(default)s")
     add(
         "--max_queue",
         type=positive_int,
         default=16,
-        help="photos that wait for one of LazyLocalizer.num_threads localizations at a time; others are refused with "
-        "503; default: %(default)s",
+        help="maximum number of photos that wait while LazyLocalizer.num_threads photos are localized; more are "
+        "refused "
+        "with status 503; default: %(default)s",
     )
-    add("--max_seconds", type=positive_int, default=60, help="time from a request to its answer; default: %(default)s")
+    add(
+        "--max_seconds",
+        type=positive_int,
+        default=60,
+        help="maximum time from a request to its answer; default: %(default)s",
+    )
     options, words = parser.parse_known_args(arguments)
     return options, _parse_words(words)
 
