@@ -19,6 +19,7 @@ from benchmarks.corrupted_poses import (
 )
 from colmap_lazyloc.agreement.check import describe, judge
 from colmap_lazyloc.agreement.contradictions import contradicted_images
+from colmap_lazyloc.agreement.explain import Fit
 from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.agreement.turned import images_of_second_poses
@@ -108,6 +109,22 @@ def test_corruption_of_inexact_poses_is_named(scene, name):
     corrupt, title = CORRUPTIONS[name]
     explanation = explain_scene(corrupt(disturb(scene, degrees=2, share=0.03)))
     assert title in describe(explanation, "units")
+
+
+@pytest.mark.parametrize(
+    ("num_off", "px", "rotation_deg", "needs"),
+    [
+        (20, 0.3, 8, False),  # matches of near photos hardly determine rotations
+        (5, 0.9, 8, True),
+        (4, 0.9, 8, False),
+        (5, 3, 0.1, True),
+        (4, 3, 0.1, False),
+        (20, 2.5, 0.1, True),
+    ],
+)
+def test_what_needs_an_explanation(num_off, px, rotation_deg, needs):
+    rows = [(px, rotation_deg)] * num_off + [(0.2, 0.1)] * (20 - num_off)
+    assert Fit(*np.array(rows).T).needs_explanation == needs
 
 
 def test_right_poses_agree(scene):

@@ -10,6 +10,7 @@ import pytest
 import photo_scene
 from benchmarks.corrupted_poses import CORRUPTIONS, explain_scene, judge, read_scene
 from colmap_lazyloc.__main__ import main
+from colmap_lazyloc.agreement import photo_pairs
 from colmap_lazyloc.agreement.photo_pairs import pairs_of_photos
 from colmap_lazyloc.model import Camera, Image, read_model, write_model
 from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES
@@ -148,3 +149,20 @@ def test_photos_of_a_real_scene():
     assert explain_scene(scene).given.agrees
     mirrored = CORRUPTIONS["mirrored axes"][0](scene)
     assert "left-handed" in explain_scene(mirrored).reading.title
+
+
+@pytest.mark.skipif(not DATA_PATH.exists(), reason=f"{DATA_PATH} is missing")
+def test_no_more_photos_are_matched_than_are_used(monkeypatch):
+    tried = []
+
+    def match(images, features, *pair):
+        tried.append(pair)
+        return photo_pairs_match(images, features, *pair)
+
+    photo_pairs_match = photo_pairs._match
+    monkeypatch.setattr(photo_pairs, "_match", match)
+    some = [(pair.first, pair.second) for pair in read_scene(DATA_PATH / "herzjesu", by_photos=True).pairs]
+    num_tried = len(tried)
+    monkeypatch.setattr(photo_pairs, "NUM_AT_ONCE", photo_pairs.NUM_RANDOM)
+    every = [(pair.first, pair.second) for pair in read_scene(DATA_PATH / "herzjesu", by_photos=True).pairs]
+    assert some == every and 2 * num_tried < len(tried)

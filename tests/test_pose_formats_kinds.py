@@ -388,6 +388,17 @@ def test_names_with_blanks_between_blanks(tmp_path):
     assert_poses(read(bundler, photos), truth)
 
 
+def test_bundle_with_lines_of_other_cameras_is_refused(tmp_path):
+    path = pose_writers.bundler(tmp_path, truth := make_poses(["a.jpg", "b.jpg", "c.jpg"]))
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:10], *lines[5:]]) + "\n")
+    with pytest.raises(InputError, match="bundle.out: has 21 lines instead of 16: it is damaged"):
+        read(path)
+    points = ["1 2 3", "255 255 255", "1 0 0 0.5 0.5"] * 2
+    path.write_text("\n".join(["# Bundle file v0.3", "3 2", *lines[2:], *points]) + "\n")
+    assert_poses(read(path), truth)
+
+
 def test_list_without_names_of_columns_and_commas_is_ambiguous(tmp_path):
     """EuRoC's order of quaternions begins with w, TUM's ends with it."""
     truth = make_poses([f"{time:.6f}.jpg" for time in (1, 1.1)])

@@ -21,6 +21,7 @@ AGREEING_PX = 4.0  # at most, the median error of the matches of a pair that agr
 MIN_NUM_PAIRS = 6  # fewer say nothing
 CLEARLY = 2.0  # the factor between errors that counts
 MOVED_PX, MOVED_DEG = 2.0, 3.0  # errors of a pair below these need no explanation
+EXACT_PX = 0.6  # error of a pair below which its matches fit the poses
 MIN_MENDED_SHARE = 0.6  # of the pairs that disagree, which a reading must mend
 MIN_MENDED_OF_ALL = 0.15  # of all pairs
 MIN_NUM_MENDED = 5
@@ -58,6 +59,14 @@ class Fit:
     def disagrees(self) -> Array:
         """Which pairs are far enough off to need an explanation, by their matches or their rotations."""
         return (self.px > MOVED_PX) | (self.rotation_deg > MOVED_DEG)
+
+    @property
+    def needs_explanation(self) -> bool:
+        """True if there is something that a reading could mend. Rotations of pairs whose matches fit to a fraction of a
+        pixel are not known better than the poses give them."""
+        is_turned = (self.rotation_deg > MOVED_DEG) & (self.px > EXACT_PX)
+        num_off = np.count_nonzero((self.px > MOVED_PX) | is_turned)
+        return bool(num_off >= MIN_NUM_MENDED or np.median(self.px) > MOVED_PX)
 
     @property
     def agrees(self) -> bool:
@@ -155,8 +164,8 @@ def explain(
 
 def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) -> tuple[Reading | None, Fit | None]:
     """Returns the reading that explains the pairs and how it fits them, if there is one."""
-    if np.count_nonzero(given.disagrees) < MIN_NUM_MENDED and float(np.median(given.px)) <= MOVED_PX:
-        return None, None  # nothing that a reading could mend or improve
+    if not given.needs_explanation:
+        return None, None
     turned = np.array([np.nanmedian(evidence.rotation_errors_deg(evidence.read(reading))) for reading in readings])
     likely = [readings[index] for index in np.flatnonzero(turned <= CLEARLY * turned.min() + MAX_TURN_DEG)]
     quick = evidence.quick()

@@ -4,7 +4,7 @@ import concurrent.futures
 import dataclasses
 import itertools
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -25,6 +25,7 @@ NUM_PLACES = 10  # in the order of the names, at which neighbours are matched
 NUM_FOLLOWING = 2  # photos after one that are its neighbours by name
 NUM_NEAREST = 2  # photos that are its neighbours by the given poses
 NUM_RANDOM = 120  # further pairs that are tried
+NUM_AT_ONCE = 10  # of these
 MAX_SIZE_PX = 640  # of a photo, to which larger ones are reduced
 MAX_NUM_FEATURES = 800
 MIN_DISPLACEMENT_PX = 2.0  # of a match in the reduced photo: what does not move is a bonnet, a time stamp, a watermark
@@ -61,10 +62,16 @@ def pairs_of_photos(
         features = dict(zip(seen, pool.map(extract, seen)))
         others = sorted(set(itertools.combinations(seen, 2)).difference(near))
         order = np.random.default_rng(SEED).permutation(len(others))[:NUM_RANDOM]
-        tried = [*near, *(others[index] for index in order)]
-        found = list(pool.map(lambda pair: _match(images, features, *pair), tried))
-    neighbours = [pair for pair in found[: len(near)] if pair is not None]
-    distant = [pair for pair in found[len(near) :] if pair is not None]
+
+        def match(tried: Iterable[tuple[int, int]]) -> list[MatchedPair]:
+            found = pool.map(lambda pair: _match(images, features, *pair), tried)
+            return [pair for pair in found if pair is not None]
+
+        neighbours, distant = match(near), list[MatchedPair]()
+        for start in range(0, len(order), NUM_AT_ONCE):
+            if len(distant) >= max(MAX_NUM_PAIRS // 2, MAX_NUM_PAIRS - len(neighbours)):
+                break  # further ones would not be used
+            distant += match(others[index] for index in order[start : start + NUM_AT_ONCE])
     return [*neighbours[: MAX_NUM_PAIRS - min(len(distant), MAX_NUM_PAIRS // 2)], *distant][:MAX_NUM_PAIRS]
 
 

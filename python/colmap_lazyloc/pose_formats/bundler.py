@@ -26,9 +26,12 @@ def parse(source: Source) -> RawPoses:
         raise InputError(f"{source.path}: list.txt with the names of its photos must be beside it")
     names = [_OF_LIST.sub("", line) for _, line in read_entries(path)]
     lines = [line for _, line in read_entries(source.path)]
-    count = int(lines[0].split()[0])
+    count, num_points = (int(word) for word in lines[0].split())
     if count != len(names):
         raise InputError(f"{source.path}: has {count} cameras, but {path} has {len(names)} names")
+    num_lines = 1 + 5 * count + 3 * num_points
+    if len(lines) > num_lines:  # then lines are those of other cameras
+        raise InputError(f"{source.path}: has {len(lines)} lines instead of {num_lines}: it is damaged")
 
     def parse_camera(index: int) -> RawPose:
         (focal, k1, k2), *rows = (numbers(line, 3) for line in lines[1 + 5 * index : 6 + 5 * index])
