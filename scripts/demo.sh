@@ -49,7 +49,7 @@ colmap lazy_localizer --database_path "$DEMO_DIR/database.db" --input_path "$DEM
   --LazyLocalizer.Advanced.matches_output_path "$DEMO_DIR/matches.db" --output_path "$DEMO_DIR/localized"
 say "writing the report"
 report=$(scripts/lazyloc report "$DEMO_DIR/localized" --image_path "$DEMO_DIR/images" \
-  --database_path "$DEMO_DIR/matches.db" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
+  --database_path "$DEMO_DIR/matches.db" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" --unit m \
   --output "$DEMO_DIR/report.html")
 scripts/lazyloc evaluate "$DEMO_DIR/localized" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
   --unit m --thresholds 0.01,0.1 0.05,0.2 0.25,2 --per_query --json "$DEMO_DIR/accuracy.json"

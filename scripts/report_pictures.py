@@ -1,4 +1,4 @@
-"""Takes pictures of the demo's report: the page with its scene, and the page of a query.
+"""Takes pictures of the demo's report, light and dark: the page with its scene, and the page of a query.
 
 scripts/report_pictures.sh [REPORT]
 """
@@ -14,6 +14,10 @@ from browser import open_browsers
 MAX_BYTES = 300_000
 QUERY = "query/03.jpg"
 WIDTH, HEIGHT = 1280, 1000
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+# Shows paths as seen from the project's folder, wherever this is.
+SHORTEN_PATHS = """root => document.querySelectorAll("pre").forEach(
+    element => { element.textContent = element.textContent.replaceAll(root, ""); })"""
 
 
 def save(png: bytes, path: pathlib.Path):
@@ -31,16 +35,22 @@ def main():
     report_path, folder = map(pathlib.Path, sys.argv[1:])
     folder.mkdir(parents=True, exist_ok=True)
     with open_browsers() as start_browser:
-        report = start_browser().open(report_path, width=WIDTH, height=HEIGHT)
-        report.page.evaluate("name => { location.hash = `#query/${name}`; }", QUERY)
-        report.page.evaluate("() => scrollTo(0, 0)")
-        report.page.wait_for_timeout(3000)
-        workspace = report.page.locator(".workspace").bounding_box()
-        height = workspace["y"] + workspace["height"] + 20
-        save(report.page.screenshot(clip={"x": 0, "y": 0, "width": WIDTH, "height": height}), folder / "report.png")
-        save(report.page.locator(".query-page").screenshot(), folder / "report_query.png")
-        if report.problems:
-            sys.exit("\n".join(report.problems))
+        for scheme, suffix in (("light", ""), ("dark", "_dark")):
+            report = start_browser().open(report_path, width=WIDTH, height=HEIGHT, color_scheme=scheme)
+            report.page.evaluate("name => { location.hash = `#query/${name}`; }", QUERY)
+            report.page.evaluate("() => scrollTo(0, 0)")
+            report.page.wait_for_timeout(3000)
+            workspace = report.page.locator(".workspace").bounding_box()
+            # What floats above the page is at the bottom of the window.
+            height = round(workspace["y"] + workspace["height"]) + 20
+            report.page.set_viewport_size({"width": WIDTH, "height": height})
+            report.page.wait_for_timeout(1000)
+            save(report.page.screenshot(), folder / f"report{suffix}.png")
+            report.page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+            report.page.evaluate(SHORTEN_PATHS, f"{ROOT}/")
+            save(report.page.locator(".query-page").screenshot(), folder / f"report_query{suffix}.png")
+            if report.problems:
+                sys.exit("\n".join(report.problems))
 
 
 if __name__ == "__main__":

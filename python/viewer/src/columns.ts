@@ -117,7 +117,7 @@ function answerColumn(queries: Queries): Column {
     id: "position",
     label: axesText(queries.systems[system]),
     explanation: "Where the photo was taken; or why the query has no position, or none to rely on.",
-    width: 17,
+    width: 16.2,
     growth: 8,
     kind: "text",
     isWorstLow: true,
@@ -134,7 +134,7 @@ export function tableColumns(queries: Queries, summary: Summary): Column[] {
   const numbers = [
     numberColumn("positionError", "Pos. error", EXPLANATIONS.positionError, queries.positionError, length, wide),
     numberColumn("rotationError", "Rot. error", EXPLANATIONS.rotationError, queries.rotationErrorDeg, degrees, wide),
-    numberColumn("positionStddev", "Pos. \u03c3", EXPLANATIONS.positionStddev, queries.positionStddev, length),
+    numberColumn("positionStddev", "Pos. \u03c3", EXPLANATIONS.positionStddev, queries.positionStddev, length, { width: 5.6 }),
     numberColumn("rotationStddev", "Rot. \u03c3", EXPLANATIONS.rotationStddev, queries.rotationStddevDeg, degrees),
     numberColumn("tracks", "Points", EXPLANATIONS.tracks, queries.numTracks, format.formatCount, count),
     numberColumn(
