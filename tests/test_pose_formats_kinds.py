@@ -394,6 +394,9 @@ def test_bundle_with_lines_of_other_cameras_is_refused(tmp_path):
     path.write_text("\n".join([*lines[:10], *lines[5:]]) + "\n")
     with pytest.raises(InputError, match="bundle.out: has 21 lines instead of 16: it is damaged"):
         read(path)
+    path.write_text("\n".join([*lines[:8], *lines[12:]]) + "\n")
+    with pytest.raises(InputError, match="bundle.out: has 12 lines instead of 16: it is damaged"):
+        read(path)
     points = ["1 2 3", "255 255 255", "1 0 0 0.5 0.5"] * 2
     path.write_text("\n".join(["# Bundle file v0.3", "3 2", *lines[2:], *points]) + "\n")
     assert_poses(read(path), truth)

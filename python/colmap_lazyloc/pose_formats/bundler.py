@@ -30,7 +30,7 @@ def parse(source: Source) -> RawPoses:
     if count != len(names):
         raise InputError(f"{source.path}: has {count} cameras, but {path} has {len(names)} names")
     num_lines = 1 + 5 * count + 3 * num_points
-    if len(lines) > num_lines:  # then lines are those of other cameras
+    if len(lines) not in (num_lines, 1 + 5 * count):  # then lines may be those of other cameras
         raise InputError(f"{source.path}: has {len(lines)} lines instead of {num_lines}: it is damaged")
 
     def parse_camera(index: int) -> RawPose:
