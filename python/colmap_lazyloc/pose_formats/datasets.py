@@ -8,8 +8,7 @@ import pathlib
 import re
 from collections.abc import Iterable, Mapping
 
-import numpy as np
-
+from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import brown_camera
@@ -145,7 +144,7 @@ def _nearest_camera(
     return min(cameras[size], key=lambda item: abs(item[0] - time))[1]
 
 
-def _matrix(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
+def _matrix(path: pathlib.Path) -> tuple[Floats, Floats]:
     rotation, vector = matrix_parts(numbers(" ".join(read_lines(path)), 16))
     return rotation, vector
 
