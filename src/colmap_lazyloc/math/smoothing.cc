@@ -64,7 +64,7 @@ LAZYLOC_ALWAYS_INLINE inline void SmoothRowsVectorized(const float* image, int w
   }
   const int stride = width + 2 * radius;  // with the continued border
   std::vector<float> columns(static_cast<size_t>(kNumRows) * stride);
-  std::vector<const float*> rows(weights.size() + kNumRows - 1), shifts(weights.size());
+  std::vector<const float*> shifts(weights.size()), rows(shifts.size() + kNumRows - 1);
   float* sums[kNumRows];
   for (int i = 0; i < kNumRows; ++i) sums[i] = &columns[static_cast<size_t>(i) * stride + radius];
   for (int y = begin; y < end; y += kNumRows) {
