@@ -114,6 +114,13 @@ def shifted(number):
     return corrupt
 
 
+def photo_missing(scene):
+    """A photo in the middle that has a pose is missing: those behind it have the poses of the ones before them."""
+    order = np.array(sorted(range(len(scene.names)), key=lambda index: natural_key(scene.names[index])))
+    places = np.argsort(order)
+    return dataclasses.replace(scene, poses=scene.poses.take(order[places - (places > len(order) // 2)]))
+
+
 def of_another_set(scene):
     """Poses of another walk through a place of the same size."""
     random = np.random.default_rng(5)
@@ -147,6 +154,7 @@ CORRUPTIONS: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     # Of some numbers of photos, the order of the letters is its own inverse.
     "lexical order": (lexical_order, "in the order 1, "),
     "shift of 2": (shifted(2), "2 places"),
+    "a photo missing": (photo_missing, "the last ones are shifted"),
     "another set": (of_another_set, "other photos"),
     "grid of 2 degrees": (grid(2.05), "rotations turned by"),
     "half the focal length": (focal_length(2.0), "focal lengths times"),

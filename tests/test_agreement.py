@@ -14,6 +14,7 @@ from benchmarks.corrupted_poses import (
     explain_scene,
     focal_length,
     of_angles,
+    photo_missing,
     shifted,
     turned_photos,
 )
@@ -248,6 +249,18 @@ def test_photos_of_which_some_are_turned_are_named(scene):
     )
     chosen = images_of_second_poses(Matches.of(scene.pairs), turned.poses, scene.poses)
     assert chosen == sorted(compared.intersection(range(13, 26)))
+
+
+def test_photos_behind_a_missing_one_are_named(scene):
+    behind = photo_missing(scene)
+    images = [PosedImage(n, CAMERA, Pose.from_centre(*pose)) for n, *pose in zip(
+        scene.names, behind.poses.rotations, behind.poses.centres)]  # fmt: skip
+    found = judge(scene.pairs, images, COLMAP, is_metric=True)
+    assert found.is_wrong
+    compared = {index for pair in scene.pairs for index in (pair.first, pair.second)}
+    moved = sorted(compared.intersection(range(len(images) // 2 + 1, len(images))))
+    names = f"{len(moved)} of {len(compared)}: {images[moved[0]].name}, "
+    assert f"each is that of the photo 1 place earlier ({names}" in found.line
 
 
 def test_too_few_pairs_say_nothing(scene):

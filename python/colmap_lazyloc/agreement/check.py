@@ -13,7 +13,6 @@ from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.explain import AGREEING_PX, MAX_ROTATION_DEG, Explanation, explain
 from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, MatchedPair, pairs_of_database
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
-from colmap_lazyloc.agreement.turned import images_of_second_poses
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.extras import install_command, is_installed
@@ -102,7 +101,7 @@ def judge(
     contradicted, turned = [], ""
     matches = Matches.of(pairs)
     if explanation.reading is not None and explanation.reading.is_of_some:
-        chosen = images_of_second_poses(matches, *explanation.reading.transform(poses))
+        chosen = explanation.reading.images_of(matches, poses, np.arange(len(images)))
         num_compared = len(np.unique([matches.first, matches.second]))
         names = _first([images[index].name for index in chosen], MAX_NUM_TURNED)
         turned = f"{len(chosen)} of {num_compared}: {names}"

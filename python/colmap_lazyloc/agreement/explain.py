@@ -13,7 +13,6 @@ from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.agreement.readings import Reading, all_readings, other_focal_length, turned_world
 from colmap_lazyloc.agreement.relative import RelativePoses
-from colmap_lazyloc.agreement.turned import images_of_second_poses
 from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.pose_formats.conventions import Convention
 
@@ -130,7 +129,7 @@ class _Evidence:
             return variants, np.ones(len(self.matches.pairs), bool)
         first, second = variants
         is_second = np.zeros(len(first.centres), bool)
-        is_second[images_of_second_poses(self.matches, first, second)] = True
+        is_second[reading.images_of(self.matches, self.poses, self.used)] = True
         rotations = np.where(is_second[:, None, None], second.rotations, first.rotations)
         chosen = Poses(rotations, np.where(is_second[:, None], second.centres, first.centres))
         return [chosen], is_second[self.matches.first] | is_second[self.matches.second]

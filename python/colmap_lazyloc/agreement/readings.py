@@ -12,13 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from colmap_lazyloc.agreement.poses import Poses
+from colmap_lazyloc.agreement.poses import Matches, Poses
+from colmap_lazyloc.agreement.turned import images_behind, images_of_second_poses
 from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA
 from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, DIRECTIONS, Convention
 from colmap_lazyloc.pose_formats.naming import natural_key
 
 MAX_SHIFT = 10  # images by which poses are early or late
+MAX_SHIFT_OF_SOME = 3  # images by which those behind a missing photo or pose are
 MAX_PART_SHIFT = 3  # images, for times that are off by parts of the time between two images
 PARTS = 4
 PART_RARITY = 0.7
@@ -47,11 +49,21 @@ class Reading:
     rarity: float = 0.0
     source: "Source | None" = None
     is_fitted: bool = False  # by a number that was estimated of the pairs
-    is_of_some: bool = False  # of two poses, the second is that of some images, and the first that of the others
+    is_of_some: bool = False  # true if some images have the poses of this reading, and the others the given ones
 
     def apply(self, poses: Poses, used: Array) -> Sequence[Poses]:
-        """Returns the poses of the images with these indices as this reading has them."""
-        return self.transform(poses.take(used) if self.source is None else self.source.take(poses, used))
+        """Returns the poses of the images with these indices as this reading has them; if it is of some, the given ones
+        first."""
+        given = poses.take(used)
+        read = self.transform(given if self.source is None else self.source.take(poses, used))
+        return [given, *read] if self.is_of_some else read
+
+    def images_of(self, matches: Matches, poses: Poses, used: Array) -> list[int]:
+        """Returns the images, as indices of `used`, that a reading is of which is of some."""
+        given, read = self.apply(poses, used)
+        if self.source is None:
+            return images_of_second_poses(matches, given, read)
+        return images_behind(matches, given, read, self.source.places[used])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -88,6 +100,7 @@ def all_readings(names: Sequence[str], convention: Convention) -> list[Reading]:
         (0.3, _worlds()),
         (0.3, _radians()),
         (0.5, _some_turned()),
+        (0.5, _some_shifted(names)),
         (1.2, _angles()),
     )
     return [
@@ -182,7 +195,7 @@ def _some_turned() -> Iterator[Reading]:
         matrix = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]], float)
 
         def transform(poses: Poses, turn: Floats = matrix) -> list[Poses]:
-            return [poses, Poses(turn @ poses.rotations, poses.centres)]
+            return [Poses(turn @ poses.rotations, poses.centres)]
 
         yield Reading(
             f"of photos of which some are turned by {degrees} degrees, as by EXIF's orientation",
@@ -295,6 +308,18 @@ def _orders(names: Sequence[str]) -> Iterator[Reading]:
             title = f"shifted: each is that of the photo {shift:g} place{'s' * (shift != 1)} {word}"
             rarity = 0.0 if shift == int(shift) else PART_RARITY
             yield Reading(title, ORDER_REMEDY, rarity=rarity, source=Source(order, places - sign * shift))
+
+
+def _some_shifted(names: Sequence[str]) -> Iterator[Reading]:
+    """Poses or photos of which one is missing in between, so that those behind it are shifted."""
+    natural = np.array(sorted(range(len(names)), key=lambda index: natural_key(names[index])), int)
+    for number, (sign, word) in itertools.product(range(1, MAX_SHIFT_OF_SOME + 1), ((1, "later"), (-1, "earlier"))):
+        yield Reading(
+            f"of which the last ones are shifted: each is that of the photo {number} place{'s' * (number != 1)} {word}",
+            f"a photo or a pose is missing in between: {ORDER_REMEDY}",
+            source=Source(natural, _places(natural) - sign * number),
+            is_of_some=True,
+        )
 
 
 def _places(order: Array) -> Floats:

@@ -3,16 +3,37 @@
 import numpy as np
 
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
+from colmap_lazyloc.array_types import Floats
 
 MIN_PX, MAX_PX = 0.5, 1000.0  # errors below and above which are as good, and as bad
 MAX_NUM_ROUNDS = 10
 
 
-def images_of_second_poses(matches: Matches, first: Poses, second: Poses) -> list[int]:
-    """Returns the images, by index, whose matches fit the second poses better."""
+def _costs(matches: Matches, first: Poses, second: Poses) -> Floats:
+    """Returns the log error of each pair, by which of two poses its first and its second image have."""
     variants = first, second
     px = np.array([[medians_by_pair(matches, errors_px(matches, a, b)) for b in variants] for a in variants])
-    costs = np.log(np.clip(px, MIN_PX, MAX_PX))
+    costs: Floats = np.log(np.clip(np.nan_to_num(px, nan=MAX_PX), MIN_PX, MAX_PX))
+    return costs
+
+
+def images_behind(matches: Matches, first: Poses, second: Poses, places: Floats) -> list[int]:
+    """Returns the images, by index, from the place on from which the second poses fit better."""
+    costs, pairs = _costs(matches, first, second), np.arange(len(matches.first))
+    images = np.unique([matches.first, matches.second])
+
+    def cost(start: float) -> float:
+        is_second = (places >= start).astype(int)
+        return round(float(costs[is_second[matches.first], is_second[matches.second], pairs].sum()), 6)
+
+    # Of equal ones, takes the last, because the first image behind a gap may have the same pose twice.
+    start = min(np.unique(places[images])[:0:-1].tolist(), key=cost)
+    return [image for image in images.tolist() if places[image] >= start]
+
+
+def images_of_second_poses(matches: Matches, first: Poses, second: Poses) -> list[int]:
+    """Returns the images, by index, whose matches fit the second poses better."""
+    costs = _costs(matches, first, second)
     images = np.unique([matches.first, matches.second]).tolist()
     rows = {
         image: (np.flatnonzero(matches.first == image), np.flatnonzero(matches.second == image)) for image in images
