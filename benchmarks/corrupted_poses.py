@@ -24,7 +24,7 @@ from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA
 from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, COLMAP, Convention
-from colmap_lazyloc.pose_formats.naming import natural_key
+from colmap_lazyloc.pose_formats.naming import natural_order
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
 MOVED_PX = 5.0
@@ -65,7 +65,7 @@ def turned_photos(degrees):
     turn = Rotation.from_euler("z", degrees, degrees=True).as_matrix()
 
     def corrupt(scene):
-        order = np.array(sorted(range(len(scene.names)), key=lambda index: natural_key(scene.names[index])))
+        order = np.array(natural_order(scene.names))
         rotations = scene.poses.rotations.copy()
         some = order[len(order) // 3 : 2 * len(order) // 3]
         rotations[some] = turn @ rotations[some]
@@ -107,7 +107,7 @@ def lexical_order(scene):
 
 def shifted(number):
     def corrupt(scene):
-        order = np.array(sorted(range(len(scene.names)), key=lambda index: natural_key(scene.names[index])))
+        order = np.array(natural_order(scene.names))
         places = np.clip(np.argsort(order) + number, 0, len(order) - 1)
         return dataclasses.replace(scene, poses=scene.poses.take(order[places]))
 
@@ -116,7 +116,7 @@ def shifted(number):
 
 def photo_missing(scene):
     """A photo in the middle that has a pose is missing: those behind it have the poses of the ones before them."""
-    order = np.array(sorted(range(len(scene.names)), key=lambda index: natural_key(scene.names[index])))
+    order = np.array(natural_order(scene.names))
     places = np.argsort(order)
     return dataclasses.replace(scene, poses=scene.poses.take(order[places - (places > len(order) // 2)]))
 

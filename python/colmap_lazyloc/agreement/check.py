@@ -101,7 +101,8 @@ def judge(
     contradicted, turned = [], ""
     matches = Matches.of(pairs)
     if explanation.reading is not None and explanation.reading.is_of_some:
-        chosen = explanation.reading.images_of(matches, poses, np.arange(len(images)))
+        every = np.arange(len(images))
+        chosen = explanation.reading.images_of(matches, explanation.reading.apply(poses, every), every)
         num_compared = len(np.unique([matches.first, matches.second]))
         names = _first([images[index].name for index in chosen], MAX_NUM_TURNED)
         turned = f"{len(chosen)} of {num_compared}: {names}"

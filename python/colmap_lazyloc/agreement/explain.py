@@ -129,7 +129,7 @@ class _Evidence:
             return variants, np.ones(len(self.matches.pairs), bool)
         first, second = variants
         is_second = np.zeros(len(first.centres), bool)
-        is_second[reading.images_of(self.matches, self.poses, self.used)] = True
+        is_second[reading.images_of(self.matches, variants, self.used)] = True
         rotations = np.where(is_second[:, None, None], second.rotations, first.rotations)
         chosen = Poses(rotations, np.where(is_second[:, None], second.centres, first.centres))
         return [chosen], is_second[self.matches.first] | is_second[self.matches.second]

@@ -17,7 +17,7 @@ from colmap_lazyloc.agreement.pairs import (
     rays_of,
 )
 from colmap_lazyloc.array_types import Array, Floats
-from colmap_lazyloc.pose_formats.naming import natural_key
+from colmap_lazyloc.pose_formats.naming import natural_order
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
 NUM_THREADS = 2
@@ -77,7 +77,7 @@ def pairs_of_photos(
 
 def _neighbours(images: Sequence[PosedImage]) -> list[tuple[int, int]]:
     """Returns pairs of photos that follow each other by name, and of those that are near by their poses."""
-    order = sorted(range(len(images)), key=lambda index: natural_key(images[index].name))
+    order = natural_order([image.name for image in images])
     centres = np.array([image.cam_from_world.cam_in_world for image in images])
     axes = np.array([image.cam_from_world.rotation[2] for image in images])
     pairs: dict[tuple[int, int], None] = {}

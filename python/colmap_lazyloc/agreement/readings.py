@@ -17,7 +17,7 @@ from colmap_lazyloc.agreement.turned import images_behind, images_of_second_pose
 from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA
 from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, DIRECTIONS, Convention
-from colmap_lazyloc.pose_formats.naming import natural_key
+from colmap_lazyloc.pose_formats.naming import natural_order
 
 MAX_SHIFT = 10  # images by which poses are early or late
 MAX_SHIFT_OF_SOME = 3  # images by which those behind a missing photo or pose are
@@ -58,9 +58,10 @@ class Reading:
         read = self.transform(given if self.source is None else self.source.take(poses, used))
         return [given, *read] if self.is_of_some else read
 
-    def images_of(self, matches: Matches, poses: Poses, used: Array) -> list[int]:
-        """Returns the images, as indices of `used`, that a reading is of which is of some."""
-        given, read = self.apply(poses, used)
+    def images_of(self, matches: Matches, variants: Sequence[Poses], used: Array) -> list[int]:
+        """Returns the images, as indices of `used`, that a reading is of which is of some; `variants`: what `apply`
+        returns."""
+        given, read = variants
         if self.source is None:
             return images_of_second_poses(matches, given, read)
         return images_behind(matches, given, read, self.source.places[used])
@@ -286,7 +287,7 @@ def _vectors(convention: Convention) -> Iterator[Reading]:
 def _orders(names: Sequence[str]) -> Iterator[Reading]:
     """Poses that belong to other photos of the same set; `names`: in the order of the file of poses."""
     count = len(names)
-    natural = np.array(sorted(range(count), key=lambda index: natural_key(names[index])), int)
+    natural = np.array(natural_order(names), int)
     lexical = np.array(sorted(range(count), key=lambda index: names[index]), int)
     by_numbers = "in the order 1, 2, 10 of numbers, where the photos have 1, 10, 2"
     by_letters = "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10"
@@ -312,7 +313,7 @@ def _orders(names: Sequence[str]) -> Iterator[Reading]:
 
 def _some_shifted(names: Sequence[str]) -> Iterator[Reading]:
     """Poses or photos of which one is missing in between, so that those behind it are shifted."""
-    natural = np.array(sorted(range(len(names)), key=lambda index: natural_key(names[index])), int)
+    natural = np.array(natural_order(names), int)
     for number, (sign, word) in itertools.product(range(1, MAX_SHIFT_OF_SOME + 1), ((1, "later"), (-1, "earlier"))):
         yield Reading(
             f"of which the last ones are shifted: each is that of the photo {number} place{'s' * (number != 1)} {word}",

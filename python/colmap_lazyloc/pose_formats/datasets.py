@@ -145,8 +145,7 @@ def _nearest_camera(
 
 
 def _matrix(path: pathlib.Path) -> tuple[Floats, Floats]:
-    rotation, vector = matrix_parts(numbers(" ".join(read_lines(path)), 16))
-    return rotation, vector
+    return matrix_parts(numbers(" ".join(read_lines(path)), 16))
 
 
 def _camera_of_matrix(values: list[float], size: tuple[int, int]) -> Camera:

@@ -116,6 +116,11 @@ def natural_key(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name) if part]
 
 
+def natural_order(names: Sequence[str]) -> list[int]:
+    """Returns the indices of names, sorted by the numbers in them."""
+    return sorted(range(len(names)), key=lambda index: natural_key(names[index]))
+
+
 def _parts(path: str) -> list[str]:
     return [part for part in unicodedata.normalize("NFC", path).split("/") if part not in ("", ".", "..")] or [""]
 

@@ -192,10 +192,10 @@ def match_database(project: Project, used: Sequence[str], posed: PosedImages | N
     folder, steps = project.folder, project.steps
     if posed is not None:
         pairs = pairs_by_viewpoint(posed.images, num_neighbors) if num_neighbors and len(posed.images) > 1 else []
-    else:
+    elif len(used) <= MAX_NUM_EXHAUSTIVE:
         pairs = all_pairs(used)
-        if len(used) > MAX_NUM_EXHAUSTIVE:
-            pairs = pairs_in_sequence(used, SEQUENCE_REACH) if project.is_film else []
+    else:
+        pairs = pairs_in_sequence(used, SEQUENCE_REACH) if project.is_film else []
     is_retrieved = posed is None and len(used) > MAX_NUM_EXHAUSTIVE
     key = fingerprint(pairs, project.use_gpu, NUM_RETRIEVED if is_retrieved else None)
     if steps.begin("matches", key):
