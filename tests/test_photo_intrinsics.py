@@ -1,5 +1,6 @@
 """Tests of photos whose intrinsics nobody states: from a camera of the database, EXIF or a guess."""
 
+import pathlib
 import shutil
 import subprocess
 
@@ -12,6 +13,7 @@ from PIL.TiffImagePlugin import IFDRational
 import exif
 import photo_scene
 from colmap_lazyloc import program
+from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.demo.renderer import RayGrid
 from colmap_lazyloc.model import Camera, Image, read_model, write_model
 from colmap_lazyloc.poses import Pose
@@ -132,6 +134,21 @@ def test_another_model_in_exif_excludes_the_camera_of_the_database(photos, take_
     results = run_photos().results
     assert results["one.jpg"]["intrinsics_source"] == "database_camera"
     assert results["two.jpg"]["intrinsics_source"] == "exif"
+
+
+def test_photos_of_one_camera_share_its_estimate(photos, run_photos, tmp_path):
+    """The photos are cut, so that no camera of the database has their size. Their matches are kept once."""
+    for name in photos.query_names:
+        photo = cv2.imread(str(photos.image_path / name))
+        assert cv2.imwrite(str(tmp_path / pathlib.Path(name).name), photo[:-2, :-2])
+    kept = tmp_path / "kept.db"
+    run = run_photos("--ImageReader.single_camera", 1, "--LazyLocalizer.Advanced.matches_output_path", kept)
+    for name in photos.query_names:
+        assert_localized(run, pathlib.Path(name).name, "joint", FOCAL_LENGTH_PX, 0.05, photos.poses[name])
+    cameras = [result["camera"] for result in run.results.values()]
+    assert cameras[0] == cameras[1] and cameras[0]["model"] == "OPENCV"
+    with DatabaseReader(kept) as database:
+        assert len([name for name in database.image_ids if "/" not in name]) == len(photos.query_names)
 
 
 def test_given_intrinsics_of_another_size_contradict_the_photo(take_photo, run_photos, tmp_path):

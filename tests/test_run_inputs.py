@@ -17,11 +17,11 @@ from colmap_lazyloc.pose_formats.posed_images import photo_size
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project import photos as photos_of_projects
 from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, fingerprint
-from colmap_lazyloc.project.photos import convert_photos, find_photos, link_photos, safe_names
+from colmap_lazyloc.project.photos import convert_photos, find_photos, has_one_camera, link_photos, safe_names
 from colmap_lazyloc.report import __main__ as report
 from colmap_lazyloc.results import read_results
 from colmap_lazyloc.testing import synthetic
-from exif import write_oriented
+from exif import write_jpeg, write_oriented
 
 CAMERA = photo_scene.CAMERA
 EXIF_MAKE = 271
@@ -460,3 +460,21 @@ def test_links_are_those_of_the_photos(tmp_path):
     folder = Folder(tmp_path / "out")
     assert link_photos(folder, QUERY, find_photos(tmp_path / "photos", [])) == {NOT_UTF8: "query/caf_.png"}
     assert (folder.images / "query" / "caf_.png").read_text() == "a"
+
+
+def test_exif_shows_one_camera(tmp_path):
+    """Photos of a size have one camera if make, model and focal length are the same, and known for all."""
+    wide, tall = np.zeros((30, 40, 3), np.uint8), np.zeros((40, 30, 3), np.uint8)
+    paths = {name: tmp_path / f"{name}.jpg" for name in ("first", "second", "tall", "zoomed", "other", "plain")}
+    for name, pixels, focal_length_35mm, model in (
+        ("first", wide, 26, "One"),
+        ("second", wide, 26, "One"),
+        ("tall", tall, 26, "One"),
+        ("zoomed", wide, 52, "One"),
+        ("other", wide, 26, "Two"),
+    ):
+        write_jpeg(paths[name], pixels, focal_length_35mm, model=model)
+    PIL.Image.fromarray(wide).save(paths["plain"])
+    assert has_one_camera([paths["first"], paths["second"], paths["tall"]])
+    for name in ("zoomed", "other", "plain"):
+        assert not has_one_camera([paths["first"], paths["second"], paths[name]])

@@ -1,13 +1,15 @@
 """Localizes synthetic photos without calibration: any focal length, distortion and principal point.
 
-Each query is seen by K database images whose poses and intrinsics are exact, and has a camera of its own, of which the
-program gets COLMAP's guess. Worlds with weak perspective are there because focal length, distance and distortion are
-hard to tell apart in them. Prints a Markdown table, one row for each world and K: the queries that are localized, those
-of them that are wrong (beyond 5 standard deviations and 0.5 % of the scene), the median error of the position over the
-distance of the scene and over that with the true intrinsics, and medians of squared errors over their variances, over
-those of a normal distribution: of the position, and of the log of the focal length.
+Each query is seen by K database images whose poses and intrinsics are exact. It has a camera of its own, or with
+--one_camera the same as all others, of which the program gets COLMAP's guess. Worlds with weak perspective are there
+because focal length, distance and distortion are hard to tell apart in them. Prints a
+Markdown table, one row for each world and K: the queries that are localized, those of them that are wrong (beyond 5
+standard deviations and 0.5 % of the scene), the median error of the position over the distance of the scene and over
+that with the true intrinsics, and medians of squared errors over their variances, over those of a normal distribution:
+of the position, and of the log of the focal length.
 
   python -m benchmarks uncalibrated [--num_queries N] [--seed SEED]
+  python -m benchmarks uncalibrated --one_camera --options --ImageReader.single_camera 1
 """
 
 import argparse
@@ -77,7 +79,7 @@ def draw_camera(camera_id, database_focal_px, rng):
     )
 
 
-def draw_scene(world, num_images, num_queries, rng):
+def draw_scene(world, num_images, num_queries, has_one_camera, rng):
     points = rng.uniform(-0.5, 0.5, (world.num_points, 3)) * world.size
     focal = WIDTH / 2 / np.tan(np.radians(world.view_deg) / 2)
     database = synthetic.Camera(
@@ -87,6 +89,8 @@ def draw_scene(world, num_images, num_queries, rng):
     for i in range(num_images + num_queries):
         is_query = i >= num_images
         camera = draw_camera(i + 2, focal, rng) if is_query else database
+        if is_query and has_one_camera and scene.query_names:
+            camera = scene.cameras[scene.images[scene.query_names[0]].camera_id]
         name, pose = f"{'query' if is_query else 'database'}/{i:03d}.jpg", draw_pose(world, rng)
         observed = synthetic.observe(camera, pose, points, NOISE_PX, 0.6, rng)
         scene.cameras[camera.camera_id] = camera
@@ -138,14 +142,22 @@ def rows_of(scene, results):
         row[:2] = localizer.position_error(pose_of(result), result["covariance"], true.pose.cam_in_world)
         intrinsics = result["intrinsics"] or {}
         factor, stddev = intrinsics.get("focal_factor", np.nan), intrinsics.get("focal_factor_stddev", np.nan)
+        if result["intrinsics_source"] == "joint":
+            continue  # the image alone says little of the focal length
         true_factor = scene.cameras[true.camera_id].params[0] / GUESSED_FOCAL_PX
         row[2] = np.log(factor / true_factor) / (stddev / factor)
     return rows
 
 
-def print_row(colmap, name, world, num_images, num_queries, seed, options):
+def median(values):
+    """Returns the median of the values that are known; NaN if there is none."""
+    known = values[np.isfinite(values)]
+    return np.median(known) if known.size else np.nan
+
+
+def print_row(colmap, name, world, num_images, num_queries, has_one_camera, seed, options):
     rng = np.random.default_rng([seed, num_images, list(WORLDS).index(name)])
-    scene = draw_scene(world, num_images, num_queries, rng)
+    scene = draw_scene(world, num_images, num_queries, has_one_camera, rng)
     names = "".join(f"{query}\n" for query in scene.query_names)
     lines = "".join(
         f"{query} {scene.cameras[scene.images[query].camera_id].intrinsics().text()}\n" for query in scene.query_names
@@ -158,9 +170,9 @@ def print_row(colmap, name, world, num_images, num_queries, seed, options):
     num_wrong = sum(is_wrong_position(error, sigmas, scene_size=1, truth_stddev=0) for error, sigmas, _ in rows)
     is_localized, is_true_localized = np.isfinite(rows[:, 0]), np.isfinite(true[:, 0])
     both = is_localized & is_true_localized
-    error = np.median(rows[both, 0]) if both.any() else np.nan
+    error = median(rows[both, 0])
     ratio = np.exp(np.mean(np.log(rows[both, 0] / true[both, 0]))) if both.any() else np.nan
-    squares = [np.nanmedian(rows[:, 1] ** 2) / chi2.median(3), np.nanmedian(rows[:, 2] ** 2) / chi2.median(1)]
+    squares = [median(rows[:, 1] ** 2) / chi2.median(3), median(rows[:, 2] ** 2) / chi2.median(1)]
     localized = f"{is_localized.sum()} of {num_queries} | {is_true_localized.sum()}"
     figures = " | ".join(f"{value:.3g}" for value in (error, ratio, *squares, np.nanmax(rows[:, 1])))
     print(f"| {name} | {num_images} | {localized} | {num_wrong} | {figures} |", flush=True)
@@ -172,6 +184,7 @@ def main(arguments=None):
     parser.add_argument("--worlds", nargs="+", choices=WORLDS, default=list(WORLDS), help="default: all")
     parser.add_argument("--num_images", type=int, nargs="+", default=[4, 10, 20], help="K; default: 4 10 20")
     parser.add_argument("--num_queries", type=int, default=30, help="of each row; default: 30")
+    parser.add_argument("--one_camera", action="store_true", help="the queries of a row have the same camera")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument("--options", nargs=argparse.REMAINDER, default=[], help="further options of the program")
@@ -188,6 +201,7 @@ def main(arguments=None):
                 WORLDS[name],
                 num_images,
                 arguments.num_queries,
+                arguments.one_camera,
                 arguments.seed,
                 arguments.options,
             )

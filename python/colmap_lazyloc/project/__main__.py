@@ -23,7 +23,7 @@ from colmap_lazyloc.agreement.check import check_photos
 from colmap_lazyloc.errors import InputError, command, logger, nearest
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import make_source
-from colmap_lazyloc.model import Camera
+from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.panoramas import REFERENCE, face_cameras, read_face_poses
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Positions, Source, photo_size
 from colmap_lazyloc.pose_formats.positions import read_positions
@@ -46,13 +46,21 @@ from colmap_lazyloc.project.options import (
     split,
 )
 from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
-from colmap_lazyloc.project.photos import contents, convert_photos, find_photos, link_masks, link_photos
+from colmap_lazyloc.project.photos import (
+    contents,
+    convert_photos,
+    find_photos,
+    has_one_camera,
+    link_masks,
+    link_photos,
+)
 from colmap_lazyloc.project.positions import position_lines
 from colmap_lazyloc.report.facts import METRE
 from colmap_lazyloc.report.run import unit_of
 from colmap_lazyloc.results import RESULTS, pose_of, read_geodetic, read_results
 
 MAX_NUM_LINES = 20  # of queries that are printed
+SINGLE_CAMERA = "--ImageReader.single_camera"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -299,6 +307,17 @@ def _query_camera(
     return cameras.pop()
 
 
+def _have_one_camera(project: steps.Project, options: argparse.Namespace, cameras: Mapping[str, Camera | None]) -> bool:
+    """True if one camera, whose intrinsics nobody knows, took the queries: by --one_camera, a video, or EXIF."""
+    if options.one_camera or len(cameras) < 2 or any(cameras.values()) or not is_installed("PIL"):
+        return bool(options.one_camera)
+    paths = [project.folder.images / name for name in cameras]
+    known = {frozenset((camera.width, camera.height)) for camera in read_model(project.folder.model).cameras.values()}
+    if not known.isdisjoint(frozenset(photo_size(path) or ()) for path in paths):
+        return False  # intrinsics come from database images of this size
+    return is_video(options.queries) or has_one_camera(paths)
+
+
 def _localize(
     project: steps.Project,
     options: argparse.Namespace,
@@ -315,6 +334,8 @@ def _localize(
         words = [*words, "--rig_config_path", str(write_project_rig(project, rigs))]
     if options.sequence is not None:
         words = [*words, "--LazyLocalizer.group_size", str(options.sequence)]
+    elif not any(word.startswith(SINGLE_CAMERA) for word in words) and _have_one_camera(project, options, cameras):
+        words = [*words, SINGLE_CAMERA, "1"]
     if has_stored_queries(options):
         queries = steps.add_queries(project, queries, used, cameras[queries[0]], options.sequence is not None)
     elif project.folder.query_database.exists():

@@ -106,6 +106,12 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         "images correct",
     )
     add(
+        "--one_camera",
+        action="store_true",
+        help="queries of the same size without intrinsics were taken by one camera with one zoom, which is estimated "
+        "from up to 20 of them together; default: if they are frames of a video, or if EXIF shows it",
+    )
+    add(
         "--masks",
         type=pathlib.Path,
         metavar="DIR",
@@ -209,6 +215,8 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
     roles = panorama_roles(options)
     if roles and (options.masks is not None or options.sequence is not None):
         raise InputError("--panoramas excludes --masks and --sequence")
+    if options.one_camera and (options.query_camera is not None or options.sequence is not None or QUERY in roles):
+        raise InputError("--one_camera excludes --query_camera, --sequence and panoramas as queries")
     if QUERY in roles and options.query_camera is not None:
         raise InputError(
             "--query_camera is that of perspective photos, but --panoramas says that queries are panoramas"

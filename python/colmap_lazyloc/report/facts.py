@@ -19,6 +19,7 @@ _SOURCES = {
     "model": "the input model",
     "database": "the database, where the image is listed",
     "camera_params": "the option ImageReader.camera_params",
+    "joint": "estimated from several queries of one camera",
     "database_camera": "a camera of the database images with the same image size",
     "exif": "EXIF data of the photo",
     "guess": "a guess: 1.2 times the image's longer side",

@@ -173,6 +173,29 @@ Camera AsRadial(const Camera& camera) {
   return radial;
 }
 
+Camera AsOpenCv(const Camera& camera) {
+  Camera converted = AsRadial(camera);
+  if (CameraModelName(converted.model_id) != "RADIAL") return converted;
+  const std::vector<double>& p = converted.params;  // f, cx, cy, k1, k2
+  converted.params = {p[0], p[0], p[1], p[2], p[3], p[4], 0, 0};
+  converted.model_id = *CameraModelId("OPENCV");
+  return converted;
+}
+
+double LogAspectRatio(const Camera& camera) {
+  const std::vector<size_t> idxs = FocalLengthIdxs(camera);
+  return idxs.size() == 2 ? std::log(camera.params[idxs[1]] / camera.params[idxs[0]]) : 0;
+}
+
+Camera WithAspectFactor(const Camera& camera, double factor) {
+  Camera stretched = camera;
+  const std::vector<size_t> idxs = FocalLengthIdxs(camera);
+  if (idxs.size() != 2) return stretched;
+  stretched.params[idxs[0]] /= std::sqrt(factor);
+  stretched.params[idxs[1]] *= std::sqrt(factor);
+  return stretched;
+}
+
 std::optional<double> MeanFocalLengthPx(const Camera& camera) {
   const std::vector<size_t> idxs = FocalLengthIdxs(camera);
   if (idxs.empty()) return std::nullopt;

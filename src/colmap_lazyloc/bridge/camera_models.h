@@ -45,6 +45,13 @@ std::optional<Eigen::Vector2d> RadialDistortion(const Camera& camera);
 Camera WithRadialDistortion(const Camera& camera, const Eigen::Vector2d& coefficients);
 // Returns a SIMPLE_RADIAL camera as RADIAL, which has the second coefficient; any other camera as it is.
 Camera AsRadial(const Camera& camera);
+// Returns a SIMPLE_RADIAL or RADIAL camera as OPENCV, which has two focal lengths, too; any other camera as it is.
+Camera AsOpenCv(const Camera& camera);
+// Returns the log of the ratio of the focal lengths in y and x; 0 for a model with one focal length.
+double LogAspectRatio(const Camera& camera);
+// Returns the camera with its focal length in y longer by this factor than that in x, relative to before, and the
+// product of both as before; unchanged for a model with one focal length.
+Camera WithAspectFactor(const Camera& camera, double factor);
 
 // Returns the mean focal length of the camera's model in pixels; nullopt if the model has none.
 std::optional<double> MeanFocalLengthPx(const Camera& camera);

@@ -83,13 +83,26 @@ void LocalizeRest(const Localizer& localizer, std::vector<size_t> groups, IdleTh
   if (!missing.empty()) PrintWarning(missing);
 }
 
+// Estimates the cameras that queries share from some of them, and prints them.
+SharedCameras ShareCameras(Localizer* localizer) {
+  std::vector<GroupInput> queries;
+  for (const size_t group : CalibrationGroups(*localizer->Source())) {
+    queries.push_back(localizer->Source()->Group(group));
+  }
+  SharedCameras cameras = localizer->EstimateCameras(queries);
+  localizer->UseCameras(cameras);
+  for (const SharedCamera& shared : cameras) std::cerr << DescribeCamera(shared) << std::endl;
+  if (cameras.empty()) PrintWarning("--ImageReader.single_camera: no camera could be estimated from two queries");
+  return cameras;
+}
+
 int Run(const std::string& own_path, const CommandOptions& options) {
   UnfinishedRun::CheckStart(options.output_path, options.Start());
   ResultWriter writer(options.output_path);
   Model model = ReadModel(options.source.input_path);
   const Fingerprint model_fingerprint = FingerprintOf(model);
   IdleThreads idle_threads(EffectiveNumThreads(options.num_threads) - 1);
-  const Localizer localizer(options.source, options.localizer, std::move(model), options.num_threads, &idle_threads);
+  Localizer localizer(options.source, options.localizer, std::move(model), options.num_threads, &idle_threads);
   const QuerySource& source = *localizer.Source();
   for (const std::string& warning : source.Warnings()) PrintWarning(warning);
   KeepFreedMemory();
@@ -100,6 +113,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   UnfinishedRun run(options.output_path, manifest, options.Start());
   const RunSize size = {manifest.num_own_queries, run.NumQueriesDone(),
                         manifest.num_queries - manifest.num_own_queries};
+  const SharedCameras shared_cameras = options.source.single_camera ? ShareCameras(&localizer) : SharedCameras();
   Progress progress(size, options.log_path, options.resume);
   LocalizeRest(localizer, groups, &idle_threads, &run, &progress);
 
@@ -109,7 +123,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
     database.extracted_keypoints = [&](const std::string& name) { return source.ExtractedKeypoints(name); };
   }
   const auto leave_one_out =
-      WriteResults(options, manifest, source.DatabaseModel(), database, records, run.Folder(), &writer);
+      WriteResults(options, manifest, source.DatabaseModel(), database, records, shared_cameras, run.Folder(), &writer);
   source.PublishMatches();
   const bool is_finished = records.Size() == manifest.num_own_queries;
   if (is_finished) run.Finish();

@@ -70,8 +70,8 @@ int Run(const std::string& own_path, const MergerOptions& options) {
     const auto is_query = [&](const ModelImage& image) { return records.Find(image.name).has_value(); };
     model.images.erase(std::remove_if(model.images.begin(), model.images.end(), is_query), model.images.end());
   }
-  const auto leave_one_out =
-      WriteResults(run, manifest, model, {database, database.ReadImages()}, records, /*staging_parent=*/{}, &writer);
+  const auto leave_one_out = WriteResults(run, manifest, model, {database, database.ReadImages()}, records, {},
+                                          /*staging_parent=*/{}, &writer);
   Progress({records.Size(), records.Size(), 0}, /*log_path=*/{}, /*append_log=*/false).PrintSummary(records);
   if (leave_one_out) std::cerr << FormatLeaveOneOut(*leave_one_out);
   PrintReportCommand(own_path, run);

@@ -1,10 +1,14 @@
 #include "colmap_lazyloc/cli/run_results.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
+#include <utility>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -38,6 +42,29 @@ void WarnOfDepthMaps(const QueryRecords& records) {
 }
 
 }  // namespace
+
+std::vector<size_t> CalibrationGroups(const QuerySource& source) {
+  constexpr size_t kMaxNumGroups = 20;
+  const QueryGroups& groups = source.Selection().Groups();
+  std::vector<std::pair<std::string_view, size_t>> by_name;
+  for (size_t i = 0; i < groups.Size(); ++i) {
+    if (groups.IsSingle(i)) by_name.emplace_back(groups.At(i).front().images.front().name, i);
+  }
+  std::sort(by_name.begin(), by_name.end());
+  std::vector<size_t> chosen;
+  const size_t num_chosen = std::min(by_name.size(), kMaxNumGroups);
+  for (size_t i = 0; i < num_chosen; ++i) chosen.push_back(by_name[i * by_name.size() / num_chosen].second);
+  return chosen;
+}
+
+std::string DescribeCamera(const SharedCamera& shared) {
+  const Camera& camera = shared.camera;
+  std::string params;
+  for (const double param : camera.params) params += Format(params.empty() ? "%.10g" : ",%.10g", param);
+  const double stddev_px = MeanFocalLength(camera) * std::sqrt(shared.covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR));
+  return Format("camera of %d queries, focal length +- %.2g px: ", shared.num_queries, stddev_px) +
+         "--ImageReader.camera_model " + CameraModelName(camera.model_id) + " --ImageReader.camera_params " + params;
+}
 
 std::vector<size_t> GroupsOfShard(const QuerySource& source, const std::optional<Shard>& shard) {
   std::vector<size_t> groups;
@@ -74,19 +101,21 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
 
 std::optional<LeaveOneOutSummary> WriteResults(const CommandOptions& options, const RunManifest& manifest,
                                                const Model& model, const DatabaseContent& database,
-                                               const QueryRecords& records, const std::filesystem::path& staging_parent,
-                                               ResultWriter* writer) {
+                                               const QueryRecords& records, const SharedCameras& shared_cameras,
+                                               const std::filesystem::path& staging_parent, ResultWriter* writer) {
   records.ForEach([](const QueryRecord& record) {
     const LocalizationResult& result = record.result;
     if (result.status != QueryStatus::LOCALIZED || result.intrinsics.contradiction.empty()) return;
     PrintWarning("query " + result.query_name + ": " + result.intrinsics.contradiction);
   });
   WarnOfDepthMaps(records);
-  const std::string extraction = manifest.extraction.empty() ? "" : "# " + manifest.extraction + "\n";
-  const std::string options_ini = "# written by " + ProgramVersion() + "\n" + extraction + OptionsAsIni(options);
+  std::string comments = "# written by " + ProgramVersion() + "\n";
+  if (!manifest.extraction.empty()) comments += "# " + manifest.extraction + "\n";
+  for (const SharedCamera& shared : shared_cameras) comments += "# " + DescribeCamera(shared) + "\n";
   std::optional<LeaveOneOutSummary> leave_one_out;
   if (options.source.selection.leave_one_out) leave_one_out = SummarizeLeaveOneOut(model, records);
-  writer->Write(model, records, database, options_ini, leave_one_out ? &*leave_one_out : nullptr, staging_parent);
+  writer->Write(model, records, database, comments + OptionsAsIni(options), leave_one_out ? &*leave_one_out : nullptr,
+                staging_parent);
   return leave_one_out;
 }
 

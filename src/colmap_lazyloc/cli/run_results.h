@@ -11,8 +11,16 @@
 #include "colmap_lazyloc/results/result_writer.h"
 #include "colmap_lazyloc/runs/query_records.h"
 #include "colmap_lazyloc/runs/run_manifest.h"
+#include "colmap_lazyloc/scene/shared_camera.h"
 
 namespace lazyloc {
+
+// Returns the groups whose queries shared cameras are estimated from: at most 20 groups of one query, evenly spaced in
+// the order of the queries' names, whatever the shard.
+std::vector<size_t> CalibrationGroups(const QuerySource& source);
+
+// Returns one line with an estimated camera, as options that a later run can take.
+std::string DescribeCamera(const SharedCamera& shared);
 
 // Returns the indices of the groups that belong to a shard; nullopt for all. A group has the name of its first query in
 // the order of names.
@@ -24,10 +32,10 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
                          const std::vector<size_t>& groups);
 
 // Writes the results of a run into its output folder, and warns of queries whose intrinsics the images contradict.
-// Returns the summary of a run with leave_one_out. model: the database images.
+// Returns the summary of a run with leave_one_out. model: the database images. options.ini names the shared cameras.
 std::optional<LeaveOneOutSummary> WriteResults(const CommandOptions& options, const RunManifest& manifest,
                                                const Model& model, const DatabaseContent& database,
-                                               const QueryRecords& records, const std::filesystem::path& staging_parent,
-                                               ResultWriter* writer);
+                                               const QueryRecords& records, const SharedCameras& shared_cameras,
+                                               const std::filesystem::path& staging_parent, ResultWriter* writer);
 
 }  // namespace lazyloc

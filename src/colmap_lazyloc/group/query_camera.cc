@@ -21,13 +21,6 @@ constexpr double kMaxLogFocalChange = 1e-3;
 constexpr double kMaxCornerChangePx = 0.1;
 constexpr int kMaxNumAdjustments = 20;
 
-// Returns the displacements in pixels of an image point kRadialUnitPx from the principal point by the coefficients of
-// radial distortion, each over its coefficient.
-Eigen::Vector2d PxPerRadialCoefficient(const Camera& camera) {
-  const double square = std::pow(kRadialUnitPx / MeanFocalLength(camera), 2);
-  return kRadialUnitPx * Eigen::Vector2d(square, square * square);
-}
-
 }  // namespace
 
 QueryCamera::QueryCamera(const LocalizationProblem& problem)
@@ -40,13 +33,7 @@ void QueryCamera::ScaleFocalLength(double factor) {
 }
 
 OtherCorrections QueryCamera::Corrections() const {
-  const Camera given = AsRadial(problem_->query_camera);
-  OtherCorrections corrections = OtherCorrections::Zero();
-  corrections.head<2>() = PrincipalPoint(camera_) - PrincipalPoint(given);
-  if (const std::optional<Eigen::Vector2d> radial = RadialDistortion(camera_)) {
-    corrections.tail<2>() = (*radial - *RadialDistortion(given)).cwiseProduct(PxPerRadialCoefficient(camera_));
-  }
-  return corrections;
+  return CorrectionsBetween(AsRadial(problem_->query_camera), camera_).tail<kNumOtherCorrections>();
 }
 
 double QueryCamera::Correct(BundleAdjustmentResult* adjustment) {
@@ -57,10 +44,9 @@ double QueryCamera::Correct(BundleAdjustmentResult* adjustment) {
       UncalibratedCorrections(score, kCommonErrorFactor * score.information, made, camera_, problem_->intrinsics_origin)
           .mean -
       made;
-  camera_ = WithShiftedPrincipalPoint(camera_, change.head<2>());
-  if (const std::optional<Eigen::Vector2d> radial = RadialDistortion(camera_)) {
-    camera_ = WithRadialDistortion(camera_, *radial + change.tail<2>().cwiseQuotient(PxPerRadialCoefficient(camera_)));
-  }
+  IntrinsicsCorrections with_focal_length;
+  with_focal_length << 0, change;
+  camera_ = Corrected(camera_, with_focal_length);
   const Eigen::Matrix<double, 6, 1> move = score.frame_from_correction.rightCols<kNumOtherCorrections>() * change;
   Rigid3d& pose = adjustment->posed.frames[0].frame_from_world;
   pose = {ExpSO3(move.head<3>()) * pose.rotation, pose.translation + move.tail<3>()};

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
 
 namespace lazyloc {
 namespace {
@@ -21,13 +24,30 @@ constexpr double kFifthPowerRatio = 0.4;
 constexpr double kUncalibratedAspect = 0.003;
 constexpr double kSharedCameraFactor = 0.25;
 
-// A case, with what follows from it.
+// A case: the distribution of the corrections under it.
+template <typename Distribution>
 struct Case {
-  double log_density = 0;  // of the suggested corrections
-  CorrectionDistribution corrections;
+  double log_density = 0;  // of what the images suggest
+  Distribution corrections;
 };
 
-Case Update(const OtherCorrections& stddevs, const OtherCorrections& suggested, const OtherCovariance& covariance) {
+// Returns the standard deviations of the corrections in each case.
+std::vector<OtherCorrections> StddevsByCase(const Camera& camera, IntrinsicsOrigin origin) {
+  const double radius = HalfDiagonalPx(camera);
+  const double unit = (origin == IntrinsicsOrigin::SHARED ? kSharedCameraFactor : 1) * radius;
+  std::vector<OtherCorrections> cases;
+  for (const double shift : {kNegligible, kUncalibratedShift}) {
+    for (const double radial : {kNegligible, kUncalibratedRadial}) {
+      cases.emplace_back() << unit * shift, unit * shift, unit / radius * kUncalibratedAspect,
+          unit * radial / std::pow(radius / kRadialUnitPx, 3),
+          unit * radial * kFifthPowerRatio / std::pow(radius / kRadialUnitPx, 5);
+    }
+  }
+  return cases;
+}
+
+Case<CorrectionDistribution> Update(const OtherCorrections& stddevs, const OtherCorrections& suggested,
+                                    const OtherCovariance& covariance) {
   const OtherCovariance expected = stddevs.cwiseAbs2().asDiagonal();
   const Eigen::LDLT<OtherCovariance> total(expected + covariance);
   const OtherCovariance gain = total.solve(expected).transpose();
@@ -35,37 +55,26 @@ Case Update(const OtherCorrections& stddevs, const OtherCorrections& suggested, 
           {gain * suggested, gain * covariance}};
 }
 
-}  // namespace
+// The same for all intrinsics, of which nothing is expected of the focal length.
+Case<IntrinsicsDistribution> Update(const OtherCorrections& stddevs, const IntrinsicsInformation& information) {
+  IntrinsicsCovariance precision = information.precision;
+  precision.diagonal().tail<kNumOtherCorrections>() += stddevs.cwiseAbs2().cwiseInverse();
+  const Eigen::LDLT<IntrinsicsCovariance> factor(precision);
+  const IntrinsicsCorrections mean = factor.solve(information.gradient);
+  return {(information.gradient.dot(mean) - factor.vectorD().array().log().sum()) / 2 - stddevs.array().log().sum(),
+          {mean, factor.solve(IntrinsicsCovariance::Identity())}};
+}
 
-CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score,
-                                               const IntrinsicsScore::Matrix& score_covariance,
-                                               const OtherCorrections& made, const Camera& camera,
-                                               IntrinsicsOrigin origin) {
-  CorrectionDistribution mixture;
-  if (IsCalibrated(origin)) return mixture;
-  const OtherCovariance inverse =
-      score.information.bottomRightCorner<kNumOtherCorrections, kNumOtherCorrections>().inverse();
-  const OtherCorrections suggested = made + inverse * score.score.tail<kNumOtherCorrections>();
-  const OtherCovariance covariance =
-      inverse * score_covariance.bottomRightCorner<kNumOtherCorrections, kNumOtherCorrections>() * inverse;
-  const double radius = HalfDiagonalPx(camera);
-  const double unit = (origin == IntrinsicsOrigin::SHARED ? kSharedCameraFactor : 1) * radius;
-  std::vector<Case> cases;
-  for (const double shift : {kNegligible, kUncalibratedShift}) {
-    for (const double radial : {kNegligible, kUncalibratedRadial}) {
-      OtherCorrections stddevs;
-      stddevs << unit * shift, unit * shift, unit / radius * kUncalibratedAspect,
-          unit * radial / std::pow(radius / kRadialUnitPx, 3),
-          unit * radial * kFifthPowerRatio / std::pow(radius / kRadialUnitPx, 5);
-      cases.push_back(Update(stddevs, suggested, covariance));
-    }
-  }
-  const auto by_density = [](const Case& a, const Case& b) { return a.log_density < b.log_density; };
+// Returns the mean and the covariance over the cases, weighted by their densities.
+template <typename Distribution>
+Distribution Mix(const std::vector<Case<Distribution>>& cases) {
+  const auto by_density = [](const auto& a, const auto& b) { return a.log_density < b.log_density; };
   const double max_log_density = std::max_element(cases.begin(), cases.end(), by_density)->log_density;
   double sum = 0;
-  for (const Case& one : cases) {
+  Distribution mixture;
+  for (const Case<Distribution>& one : cases) {
     const double weight = std::exp(one.log_density - max_log_density);
-    const OtherCorrections& mean = one.corrections.mean;
+    const auto& mean = one.corrections.mean;
     sum += weight;
     mixture.mean += weight * mean;
     mixture.covariance += weight * (one.corrections.covariance + mean * mean.transpose());
@@ -73,6 +82,64 @@ CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score,
   mixture.mean /= sum;
   mixture.covariance = mixture.covariance / sum - mixture.mean * mixture.mean.transpose();
   return mixture;
+}
+
+// Returns the displacements in pixels of an image point kRadialUnitPx from the principal point by the coefficients of
+// radial distortion, each over its coefficient.
+Eigen::Vector2d PxPerRadialCoefficient(const Camera& camera) {
+  const double square = std::pow(kRadialUnitPx / MeanFocalLength(camera), 2);
+  return kRadialUnitPx * Eigen::Vector2d(square, square * square);
+}
+
+}  // namespace
+
+IntrinsicsInformation InformationOf(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance) {
+  const Eigen::LDLT<IntrinsicsScore::Matrix> covariance(score_covariance);
+  return {score.information * covariance.solve(score.information), score.information * covariance.solve(score.score)};
+}
+
+IntrinsicsDistribution JointCorrections(const IntrinsicsInformation& information, const Camera& camera,
+                                        IntrinsicsOrigin origin) {
+  std::vector<Case<IntrinsicsDistribution>> cases;
+  for (const OtherCorrections& stddevs : StddevsByCase(camera, origin)) cases.push_back(Update(stddevs, information));
+  return Mix(cases);
+}
+
+IntrinsicsCorrections CorrectionsBetween(const Camera& given, const Camera& corrected) {
+  IntrinsicsCorrections corrections = IntrinsicsCorrections::Zero();
+  corrections[LOG_FOCAL_FACTOR] = std::log(MeanFocalLength(corrected) / MeanFocalLength(given));
+  corrections[LOG_ASPECT_RATIO] = LogAspectRatio(corrected) - LogAspectRatio(given);
+  corrections.segment<2>(PRINCIPAL_POINT_X) = PrincipalPoint(corrected) - PrincipalPoint(given);
+  if (const std::optional<Eigen::Vector2d> radial = RadialDistortion(corrected)) {
+    corrections.tail<2>() = (*radial - *RadialDistortion(given)).cwiseProduct(PxPerRadialCoefficient(corrected));
+  }
+  return corrections;
+}
+
+Camera Corrected(const Camera& given, const IntrinsicsCorrections& corrections) {
+  Camera camera = WithFocalFactor(given, std::exp(corrections[LOG_FOCAL_FACTOR]));
+  camera = WithAspectFactor(camera, std::exp(corrections[LOG_ASPECT_RATIO]));
+  camera = WithShiftedPrincipalPoint(camera, corrections.segment<2>(PRINCIPAL_POINT_X));
+  const std::optional<Eigen::Vector2d> radial = RadialDistortion(camera);
+  if (!radial) return camera;
+  return WithRadialDistortion(camera, *radial + corrections.tail<2>().cwiseQuotient(PxPerRadialCoefficient(camera)));
+}
+
+CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score,
+                                               const IntrinsicsScore::Matrix& score_covariance,
+                                               const OtherCorrections& made, const Camera& camera,
+                                               IntrinsicsOrigin origin) {
+  if (IsCalibrated(origin)) return {};
+  const OtherCovariance inverse =
+      score.information.bottomRightCorner<kNumOtherCorrections, kNumOtherCorrections>().inverse();
+  const OtherCorrections suggested = made + inverse * score.score.tail<kNumOtherCorrections>();
+  const OtherCovariance covariance =
+      inverse * score_covariance.bottomRightCorner<kNumOtherCorrections, kNumOtherCorrections>() * inverse;
+  std::vector<Case<CorrectionDistribution>> cases;
+  for (const OtherCorrections& stddevs : StddevsByCase(camera, origin)) {
+    cases.push_back(Update(stddevs, suggested, covariance));
+  }
+  return Mix(cases);
 }
 
 }  // namespace lazyloc

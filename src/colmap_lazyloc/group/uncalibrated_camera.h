@@ -22,6 +22,31 @@ struct CorrectionDistribution {
   OtherCovariance covariance = OtherCovariance::Zero();
 };
 
+// What an image says of the corrections of its camera's intrinsics: `precision` * corrections = `gradient`.
+struct IntrinsicsInformation {
+  IntrinsicsCovariance precision = IntrinsicsCovariance::Zero();
+  IntrinsicsCorrections gradient = IntrinsicsCorrections::Zero();
+};
+
+// Returns the information of a score of intrinsics that an adjustment did not estimate, by the score's covariance.
+IntrinsicsInformation InformationOf(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance);
+
+// Corrections of all intrinsics.
+struct IntrinsicsDistribution {
+  IntrinsicsCorrections mean = IntrinsicsCorrections::Zero();
+  IntrinsicsCovariance covariance = IntrinsicsCovariance::Zero();
+};
+
+// Returns what images show together of a camera whose intrinsics nobody has measured, under the cases of
+// UncalibratedCorrections. information: the sum over the images, of corrections of `camera`.
+IntrinsicsDistribution JointCorrections(const IntrinsicsInformation& information, const Camera& camera,
+                                        IntrinsicsOrigin origin);
+
+// Returns the corrections that make one camera another one of the same model.
+IntrinsicsCorrections CorrectionsBetween(const Camera& given, const Camera& corrected);
+// Returns the camera with the corrections that its model has.
+Camera Corrected(const Camera& given, const IntrinsicsCorrections& corrections);
+
 // Returns what is known of a camera whose intrinsics nobody has measured. Most cameras have their principal point in
 // the centre of the image and no distortion to speak of, as in a rendered, an undistorted or a reconstructed image, or
 // are off by a usual amount in either; the images weigh these cases. Zero for measured intrinsics. score: of an

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
+
 namespace lazyloc {
 namespace {
 
@@ -59,6 +61,39 @@ TEST(UncalibratedCorrections, MeasuredIntrinsicsAreKept) {
     EXPECT_TRUE(corrections.mean.isZero(0));
     EXPECT_TRUE(corrections.covariance.isZero(0));
   }
+}
+
+TEST(JointCorrections, ManyImagesAreAsCertainAsTheSumOfTheirInformation) {
+  const IntrinsicsScore score = Suggest(10, -30, 2);
+  const IntrinsicsInformation one = InformationOf(score, score.information);
+  IntrinsicsInformation sum;
+  for (int i = 0; i < 25; ++i) {
+    sum.precision += one.precision;
+    sum.gradient += one.gradient;
+  }
+  const IntrinsicsDistribution joint = JointCorrections(sum, PhotoCamera(), IntrinsicsOrigin::GUESS);
+  EXPECT_NEAR(joint.mean[PRINCIPAL_POINT_X], 10, 0.1);
+  EXPECT_NEAR(joint.mean[RADIAL_DISTORTION], -30, 0.3);
+  EXPECT_NEAR(std::sqrt(joint.covariance(PRINCIPAL_POINT_X, PRINCIPAL_POINT_X)), 2.0 / 5, 0.01);
+  EXPECT_NEAR(std::sqrt(joint.covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR)), 2.0 / 5 / 1000, 1e-6);
+}
+
+TEST(JointCorrections, CamerasWithoutDistortionGetNone) {
+  const IntrinsicsScore score = Suggest(0.3, 0.5, 1);
+  const IntrinsicsDistribution joint =
+      JointCorrections(InformationOf(score, score.information), PhotoCamera(), IntrinsicsOrigin::GUESS);
+  EXPECT_LT(std::abs(joint.mean[RADIAL_DISTORTION]), 0.3);
+  EXPECT_LT(std::abs(joint.mean[PRINCIPAL_POINT_X]), 0.2);
+}
+
+TEST(Corrected, IsUndoneByCorrectionsBetween) {
+  const Camera given = AsOpenCv(CameraFromFocalLength(*CameraModelId("RADIAL"), 1200, 1600, 1200));
+  IntrinsicsCorrections corrections;
+  corrections << 0.2, 5, -7, 0.002, -12, 4;
+  const Camera corrected = Corrected(given, corrections);
+  EXPECT_NEAR(std::sqrt(corrected.params[0] * corrected.params[1]), 1200 * std::exp(0.2), 1e-9);
+  EXPECT_NEAR(corrected.params[1] / corrected.params[0], std::exp(0.002), 1e-12);
+  EXPECT_TRUE(CorrectionsBetween(given, corrected).isApprox(corrections, 1e-5));
 }
 
 }  // namespace

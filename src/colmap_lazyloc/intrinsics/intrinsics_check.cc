@@ -63,6 +63,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   CheckedIntrinsics checked;
   checked.results.resize(layout.num_queries);
   checked.cameras.resize(layout.num_queries);
+  checked.information.resize(layout.num_queries);
   checked.poses = std::move(poses);
   checked.posed = RelativeToGivenDatabase(layout, adjusted);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
@@ -76,6 +77,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const IntrinsicsEstimate estimate = EstimateIntrinsics(score, score_covariance);
       result.focal_factor = camera ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
       if (camera) checked.cameras[query] = camera->Intrinsics();
+      checked.information[query] = InformationOf(score, score_covariance);
       PoseDistribution& pose = checked.poses[query];
       const PoseDerivatives derivatives = DerivativesAroundCamera(adjusted, query, score.frame_from_correction);
       // Takes the expected square of the corrections that are left, because the pose is that of those that were made.
@@ -86,6 +88,10 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const OtherCovariance mean_square = others.covariance + left * left.transpose();
       const auto by_others = derivatives.rightCols<kNumOtherCorrections>();
       pose.of_images += by_others * mean_square * by_others.transpose();
+      if (result.origin == IntrinsicsOrigin::JOINT && !camera) {
+        checked.cameras[query] = problem.query_camera;
+        pose.of_images += derivatives * problem.intrinsics_covariance * derivatives.transpose();
+      }
       // An estimated focal length moves with them.
       const auto log_focal_by_others = score.log_factor_from_correction.tail<kNumOtherCorrections>();
       const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) +

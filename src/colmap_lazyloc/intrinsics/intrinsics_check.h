@@ -15,6 +15,7 @@ struct CheckedIntrinsics {
   std::vector<PoseDistribution> poses;    // by query, around the layout's origin
   // By query: the camera that belongs to the pose; nullopt if it is the given one.
   std::vector<std::optional<Camera>> cameras;
+  std::vector<IntrinsicsInformation> information;  // by query, of corrections of its camera
 };
 
 // Tests the intrinsics of each query by the scores of the last adjustment, judges them (intrinsics_judgement.h), and

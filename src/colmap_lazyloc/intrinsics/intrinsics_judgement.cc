@@ -43,6 +43,7 @@ const char* Determiner(IntrinsicsOrigin origin) {
   switch (origin) {
     case IntrinsicsOrigin::GIVEN: return "the given";
     case IntrinsicsOrigin::MODEL: return "the model's";
+    case IntrinsicsOrigin::JOINT: return "the shared";
     case IntrinsicsOrigin::SHARED:
     case IntrinsicsOrigin::SIMILAR: return "the database camera's";
     case IntrinsicsOrigin::EXIF: return "EXIF's";

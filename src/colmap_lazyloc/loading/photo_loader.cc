@@ -310,8 +310,11 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& at
   const FeatureMethod& method = *methods_.database;
   const PhotoFile file = ReadFile(photo, method, record);
   const PhotoProperties& properties = file.Properties();
-  const PhotoCamera chosen = photo.camera ? PhotoCamera{*photo.camera, photo.source}
-                                          : ChoosePhotoCamera(properties, default_camera_, CamerasLike(properties));
+  PhotoCamera chosen = photo.camera ? PhotoCamera{*photo.camera, photo.source}
+                                    : ChoosePhotoCamera(properties, default_camera_, CamerasLike(properties));
+  const SharedCamera* const shared = FindSharedCamera(attempt.shared_cameras, chosen.camera, chosen.Origin());
+  if (shared != nullptr) chosen = {shared->camera, IntrinsicsSource::JOINT};
+  if (attempt.only_unknown_cameras && IsOfThisCamera(chosen.Origin())) throw Refusal{QueryStatus::NO_PAIRS, ""};
   record->intrinsics_source = chosen.source;
   if (chosen.camera.width != properties.width || chosen.camera.height != properties.height) {
     throw Refusal{QueryStatus::INCONSISTENT_INTRINSICS,
@@ -326,6 +329,7 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& at
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;
   problem.intrinsics_origin = chosen.Origin();
+  if (shared != nullptr) problem.intrinsics_covariance = shared->covariance;
   problem.query_keypoints = record->keypoints = Positions(query_features.keypoints);
   DatabaseFeatures database_features;
   if (!problem.query_keypoints.empty()) {
@@ -342,7 +346,7 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& at
       MatchPairs(method, query_features, database_features, matching, idle_threads, &problem, &record->seconds);
     }
   }
-  if (matches_output_ && !attempt.compares_all_features) {  // else the first attempt has written it
+  if (matches_output_ && attempt.writes_matches) {
     Timed("matches_output", &record->seconds,
           [&] { matches_output_->Write(problem, query_features, database_features); });
   }

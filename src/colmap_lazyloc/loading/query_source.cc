@@ -111,9 +111,19 @@ LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, const Attemp
     } else {
       record->result.query_name = std::get<std::string>(query);
       const StageTimer timer("load", &record->seconds);
-      const StoredQuery stored = selection_.ReadStoredQuery(record->result.query_name, session->database);
+      StoredQuery stored = selection_.ReadStoredQuery(record->result.query_name, session->database);
+      const auto* const shared = FindSharedCamera(attempt.shared_cameras, stored.camera, stored.intrinsics_origin);
+      if (shared != nullptr) {
+        stored.camera = shared->camera;
+        stored.intrinsics_origin = IntrinsicsOrigin::JOINT;
+        stored.source = IntrinsicsSource::JOINT;
+      }
+      if (attempt.only_unknown_cameras && IsOfThisCamera(stored.intrinsics_origin)) {
+        throw Refusal{QueryStatus::NO_PAIRS, ""};
+      }
       record->intrinsics_source = stored.source;
       problem = pair_loader_.Load(stored, attempt.num_retrieved, session->database, &record->damages);
+      if (shared != nullptr) problem.intrinsics_covariance = shared->covariance;
     }
   } catch (const DamagedRecordError& error) {
     throw Refusal{QueryStatus::DAMAGED_DATA, error.Damage()};
@@ -121,6 +131,13 @@ LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, const Attemp
   // All pairs of a file are used.
   if (options_.selection.pairs_path.empty()) problem.max_num_pairs = attempt.num_retrieved;
   return problem;
+}
+
+Attempt QuerySource::FirstAttempt() const {
+  Attempt attempt;
+  attempt.num_retrieved = options_.num_retrieved;
+  attempt.writes_matches = true;
+  return attempt;
 }
 
 bool QuerySource::HasFurtherFeatures(const LoadedGroup& first) const {

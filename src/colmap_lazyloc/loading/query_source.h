@@ -26,7 +26,8 @@ namespace lazyloc {
 // Everything that says where queries come from and what they are localized against.
 struct SourceOptions {
   std::string database_path, input_path;
-  int num_retrieved = 20;  // database images per query
+  int num_retrieved = 20;      // database images per query
+  bool single_camera = false;  // queries of the same size whose intrinsics nobody has stated share their camera
   QuerySelectionOptions selection;
   PhotoOptions photos;
   QueryPriorOptions priors;
@@ -91,7 +92,7 @@ class QuerySource {
   // Returns one group of the selection.
   GroupInput Group(size_t group) const;
   // Returns the first attempt at any group.
-  Attempt FirstAttempt() const { return {options_.num_retrieved}; }
+  Attempt FirstAttempt() const;
   // True if comparing all features may find more matches of a photo than the first attempt, which has loaded `first`.
   bool HasFurtherFeatures(const LoadedGroup& first) const;
   // True if a group can be loaded with fallback features: all of its queries are photos.

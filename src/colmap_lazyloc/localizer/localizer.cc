@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <optional>
 #include <utility>
 
 #include "colmap_lazyloc/localizer/attempts.h"
@@ -40,6 +42,8 @@ void KeepBetter(Tried* later, Tried* tried, const LocalizerOptions& options) {
     record.seconds = std::move(seconds);
   }
 }
+
+bool IsSingle(const GroupInput& input) { return input.frames.size() == 1 && input.frames.front().images.size() == 1; }
 
 }  // namespace
 
@@ -102,15 +106,48 @@ LoadedGroup Localizer::Load(const GroupInput& input, const Attempt& attempt, con
   });
 }
 
+Attempt Localizer::FirstAttempt(const GroupInput& input) const {
+  Attempt attempt = source_ ? source_->FirstAttempt() : Attempt();
+  if (IsSingle(input)) attempt.shared_cameras = &shared_cameras_;
+  return attempt;
+}
+
+std::optional<CalibrationQuery> Localizer::EstimateCamera(const GroupInput& input) const {
+  BorrowedSession session(*this);
+  Attempt attempt = FirstAttempt(input);
+  attempt.only_unknown_cameras = true;
+  attempt.writes_matches = false;
+  LoadedGroup loaded = Load(input, attempt, nullptr, session.Get());
+  if (loaded.group.images.empty()) return std::nullopt;
+  const ImageChoice image = SolveGroup(loaded.group, options_).front();
+  const Solution& solution = *image.choice->solution;
+  if (!solution.hypothesis.estimates_focal_length || RefusalOf(*image.choice, 0, options_)) return std::nullopt;
+  const IntrinsicsResult& intrinsics = solution.checked.results.front();
+  return CalibrationQuery{std::move(loaded.group), *solution.checked.cameras.front(), std::log(intrinsics.focal_factor),
+                          intrinsics.focal_factor_stddev / intrinsics.focal_factor};
+}
+
+SharedCameras Localizer::EstimateCameras(const std::vector<GroupInput>& queries) const {
+  std::vector<std::optional<CalibrationQuery>> estimates(queries.size());
+  ParallelFor(
+      queries.size(), [&](size_t i) { estimates[i] = EstimateCamera(queries[i]); }, idle_threads_);
+  std::vector<CalibrationQuery> localized;
+  for (std::optional<CalibrationQuery>& estimate : estimates) {
+    if (estimate) localized.push_back(*std::move(estimate));
+  }
+  return EstimateSharedCameras(localized, options_, idle_threads_);
+}
+
 std::vector<QueryRecord> Localizer::Localize(const GroupInput& input, bool with_keypoints) const {
   const auto start = std::chrono::steady_clock::now();
   BorrowedSession session(*this);
   Tried tried;
   std::vector<std::unique_ptr<Tried>> later;  // whose groups the choices refer to
-  tried.loaded = Load(input, source_ ? source_->FirstAttempt() : Attempt(), nullptr, session.Get());
+  const Attempt first = FirstAttempt(input);
+  tried.loaded = Load(input, first, nullptr, session.Get());
   tried.choices = SolveGroup(tried.loaded.group, options_);
   const std::vector<Attempt> attempts =
-      source_ ? FurtherAttempts(*source_, input, tried.loaded) : std::vector<Attempt>();
+      source_ ? FurtherAttempts(*source_, input, first, tried.loaded) : std::vector<Attempt>();
   for (const Attempt& attempt : attempts) {
     if (AreAllLocalized(tried.choices, options_)) break;
     Tried& next = *later.emplace_back(std::make_unique<Tried>());

@@ -4,10 +4,12 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/group/localizer_options.h"
 #include "colmap_lazyloc/loading/query_source.h"
+#include "colmap_lazyloc/localizer/shared_cameras.h"
 #include "colmap_lazyloc/math/parallel_for.h"
 
 namespace lazyloc {
@@ -27,6 +29,11 @@ class Localizer {
   // Returns the posed images that queries are localized against.
   const Model& DatabaseModel() const { return source_ ? source_->DatabaseModel() : model_; }
 
+  // Estimates the cameras that queries share (shared_cameras.h). queries: groups of one query each. Throws InputError
+  // for a damaged file.
+  SharedCameras EstimateCameras(const std::vector<GroupInput>& queries) const;
+  // Localizes single queries with these cameras from now on. Not thread-safe.
+  void UseCameras(const SharedCameras& cameras) { shared_cameras_ = cameras; }
   // Loads a group, localizes it by one attempt after the other, and returns a record per query, those that cannot be
   // loaded first. with_keypoints: the records have all keypoints, not only those of photos. Uses the calling thread,
   // and idle ones for photos. Throws InputError for a damaged file.
@@ -37,9 +44,13 @@ class Localizer {
 
   LoadedGroup Load(const GroupInput& input, const Attempt& attempt, const LoadedGroup* first,
                    QuerySource::Session* session) const;
+  Attempt FirstAttempt(const GroupInput& input) const;
+  // Returns nullopt if the query is not localized with estimated intrinsics.
+  std::optional<CalibrationQuery> EstimateCamera(const GroupInput& input) const;
 
   const LocalizerOptions options_;
   IdleThreads* const idle_threads_;
+  SharedCameras shared_cameras_;
   Model model_;                          // empty if there is a database
   std::unique_ptr<QuerySource> source_;  // null without a database
   mutable std::mutex sessions_mutex_;

@@ -70,6 +70,9 @@ void ForEachBasicOption(Options& o, const Add& add) {
   add("ImageReader.camera_params", &o.source.photos.camera_params,
       "Parameters of the camera model of photos without a camera of their own, separated by commas; default: a camera of "
       "the database with the photo's size, else the focal length in EXIF, else a guess");
+  add("ImageReader.single_camera", &o.source.single_camera,
+      "Queries of the same size whose intrinsics nobody has stated were taken by one camera with one zoom, which is "
+      "estimated from up to 20 of them together and written to options.ini; not for groups, rigs and trajectories");
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
       "Number of database images per query, those with the most verified inliers; with --pairs_path all listed ones "
       "are used");

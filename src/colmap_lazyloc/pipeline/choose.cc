@@ -30,6 +30,12 @@ FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOp
   return JudgeFocalLength(std::log(intrinsics.focal_factor), LogFocalStddev(intrinsics), intrinsics.origin, options);
 }
 
+// Returns true if an estimate that contradicts intrinsics does not replace them: somebody has stated them, or several
+// queries share them, and an attempt without these follows.
+bool AreFixed(IntrinsicsOrigin origin) {
+  return origin == IntrinsicsOrigin::GIVEN || origin == IntrinsicsOrigin::JOINT;
+}
+
 // Returns the contradiction for which a frame is refused; null if there is none. In IntrinsicsMode::GIVEN, a
 // contradiction is no reason to refuse a pose.
 const IntrinsicsResult* RefusedIntrinsics(const Choice& choice, int frame, const LocalizerOptions& options) {
@@ -96,10 +102,7 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
   if (has_pose && ConfidenceOf(refined) < std::min(ConfidenceOf(given), options.min_confidence)) return AsSolved(given);
   const IntrinsicsResult& estimate = IntrinsicsOf(refined);
   const bool is_wrong = Judge(estimate, options).wrong_probability > 0.5;
-  // Nobody has stated intrinsics of another origin for this image, so that an estimate replaces them.
-  if (origin != IntrinsicsOrigin::GIVEN) {
-    return has_pose && !is_wrong ? KeepGiven(given, estimate, options) : AsSolved(refined);
-  }
+  if (!AreFixed(origin)) return has_pose && !is_wrong ? KeepGiven(given, estimate, options) : AsSolved(refined);
   // Contradicted intrinsics that somebody has stated are for them to mend.
   return is_wrong || !estimate.contradiction.empty() ? ContradictGiven(given, estimate)
                                                      : KeepGiven(given, estimate, options);
@@ -169,7 +172,7 @@ bool IsRefused(const Solution& solution, const LocalizerOptions& options) {
 bool IsFocalLengthUncertain(const Solution& given, const LocalizerOptions& options) {
   const IntrinsicsResult& intrinsics = IntrinsicsOf(given);
   if (AreContradicted(given, options)) return true;
-  if (given.failure) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
+  if (given.failure) return !AreFixed(intrinsics.origin);
   return !(LogFocalStddev(intrinsics) <= kMaxConclusiveStddev) ||
          Judge(intrinsics, options).wrong_probability > kMinWrongProbability;
 }

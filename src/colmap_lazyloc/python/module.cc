@@ -42,6 +42,9 @@ PythonLocalizer* MakeLocalizer(const OptionTexts& settings, const std::optional<
   const nb::gil_scoped_release release;
   CommandOptions options;
   ParseSettings(settings, &options);
+  if (options.source.single_camera) {
+    throw InputError("option ImageReader.single_camera: is only for the program, which knows all queries of a run");
+  }
   return new PythonLocalizer(options, model);
 }
 

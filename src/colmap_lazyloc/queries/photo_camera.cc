@@ -148,6 +148,7 @@ IntrinsicsOrigin PhotoCamera::Origin() const {
     case IntrinsicsSource::DATABASE_CAMERA: return database_origin;
     case IntrinsicsSource::EXIF: return IntrinsicsOrigin::EXIF;
     case IntrinsicsSource::GUESS: return IntrinsicsOrigin::GUESS;
+    case IntrinsicsSource::JOINT: return IntrinsicsOrigin::JOINT;
     default: return IntrinsicsOrigin::GIVEN;
   }
 }

@@ -6,6 +6,7 @@
 
 #include "colmap_lazyloc/refinement/robust_loss.h"
 #include "colmap_lazyloc/scene/frame.h"
+#include "colmap_lazyloc/scene/intrinsics_parameter.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
@@ -13,25 +14,16 @@ namespace lazyloc {
 template <int kSize>
 class BundleSolver;
 
-// Corrections of a query frame's intrinsics that an adjustment did not estimate. All cameras of a rig share them.
-enum IntrinsicsParameter {
-  LOG_FOCAL_FACTOR,
-  PRINCIPAL_POINT_X,  // px
-  PRINCIPAL_POINT_Y,
-  LOG_ASPECT_RATIO,   // of the focal lengths in y and x, whose product stays
-  RADIAL_DISTORTION,  // displacement in px of an image point kRadialUnitPx from the principal point; grows as the cube
-  FIFTH_POWER_DISTORTION,  // the same, but it grows as the fifth power
-  NUM_INTRINSICS_PARAMETERS,
-};
-// The first ones, which are tested in calibrated cameras. With the fifth power, too, the images would show neither.
+// The first parameters, which are tested in calibrated cameras. With the fifth power, too, the images would show
+// neither.
 inline constexpr int kNumTestedIntrinsics = FIFTH_POWER_DISTORTION;
-inline constexpr double kRadialUnitPx = 1000;
 
-// The normal equations of these corrections at the minimum of an adjustment, with all points and poses eliminated:
+// The normal equations of corrections of a query frame's intrinsics that an adjustment did not estimate, which all
+// cameras of a rig share, at the minimum of an adjustment, with all points and poses eliminated:
 // `information` * correction = `score` (Rao's score test). A correction takes the weights of the adjustment.
 struct IntrinsicsScore {
-  using Matrix = Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, NUM_INTRINSICS_PARAMETERS>;
-  using Vector = Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 1>;
+  using Matrix = IntrinsicsCovariance;
+  using Vector = IntrinsicsCorrections;
 
   Matrix information = Matrix::Zero();
   Vector score = Vector::Zero();

@@ -30,18 +30,20 @@ inline double HalfDiagonalPx(const Camera& camera) {
 enum class IntrinsicsOrigin {
   GIVEN,    // somebody stated them: query list, option, or a camera of the database that looks calibrated
   MODEL,    // of an image that the model holds: their errors are those of the database poses, too
+  JOINT,    // estimated from several queries of this camera (localizer/shared_cameras.h); their covariance is known
   SHARED,   // a camera of several posed images that has the photo's size; lens or zoom may differ
   SIMILAR,  // the camera of a single other image that has the photo's size
   EXIF,     // a focal length from EXIF, which may be off by tens of percent; principal point at the centre
   GUESS,    // COLMAP's focal length for a photo without EXIF: 1.2 times the longer side
 };
 template <>
-inline constexpr std::array<const char*, 6> kEnumNames<IntrinsicsOrigin> = {"given",   "model", "shared",
+inline constexpr std::array<const char*, 7> kEnumNames<IntrinsicsOrigin> = {"given",   "model", "joint", "shared",
                                                                             "similar", "exif",  "guess"};
 
-// Returns true if the images do not correct the intrinsics, because somebody or the reconstruction has calibrated them.
+// Returns true if the images of one query do not correct the intrinsics, because somebody, the reconstruction or
+// several queries have calibrated them.
 inline bool IsCalibrated(IntrinsicsOrigin origin) {
-  return origin == IntrinsicsOrigin::GIVEN || origin == IntrinsicsOrigin::MODEL;
+  return origin == IntrinsicsOrigin::GIVEN || origin == IntrinsicsOrigin::MODEL || origin == IntrinsicsOrigin::JOINT;
 }
 
 // Returns true if the intrinsics are those of the photo's own camera, though they may be wrong.

@@ -16,9 +16,10 @@ enum class IntrinsicsSource {
   DATABASE_CAMERA,  // a camera of posed images that have the photo's size
   EXIF,             // the focal length in the photo's EXIF
   GUESS,            // COLMAP's guess of the focal length, from the photo's size
+  JOINT,            // estimated from several queries of this camera
 };
 template <>
-inline constexpr std::array<const char*, 7> kEnumNames<IntrinsicsSource> = {
-    "query_list", "model", "database", "camera_params", "database_camera", "exif", "guess"};
+inline constexpr std::array<const char*, 8> kEnumNames<IntrinsicsSource> = {
+    "query_list", "model", "database", "camera_params", "database_camera", "exif", "guess", "joint"};
 
 }  // namespace lazyloc

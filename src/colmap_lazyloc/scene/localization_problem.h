@@ -8,6 +8,7 @@
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/intrinsics_parameter.h"
 #include "colmap_lazyloc/scene/match.h"
 #include "colmap_lazyloc/scene/query_prior.h"
 #include "colmap_lazyloc/scene/two_view_geometry.h"
@@ -47,10 +48,11 @@ struct ImagePair {
 struct LocalizationProblem {
   std::string query_name;
   Camera query_camera;
-  IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of query_camera
-  std::vector<Eigen::Vector2d> query_keypoints;                  // xy in pixels
-  std::vector<ImagePair> pairs;                                  // with database images, sorted by other_name
-  int max_num_pairs = 0;  // that are used: those with the most verified inliers; 0: all
+  IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;               // of query_camera
+  IntrinsicsCovariance intrinsics_covariance = IntrinsicsCovariance::Zero();  // JOINT only
+  std::vector<Eigen::Vector2d> query_keypoints;                               // xy in pixels
+  std::vector<ImagePair> pairs;  // with database images, sorted by other_name
+  int max_num_pairs = 0;         // that are used: those with the most verified inliers; 0: all
   QueryPrior prior;
 };
 
