@@ -13,148 +13,149 @@ void ForEachFileOption(Options& o, const Add& add) {
       OptionRole::INPUT);
   add("input_path", &o.source.input_path,
       "Folder of a COLMAP model (text or binary); its posed images are the database images", OptionRole::INPUT);
-  add("output_path", &o.output_path, "Folder for poses.txt, positions.csv, results.jsonl, model/ and options.ini",
-      OptionRole::OUTPUT);
+  add("output_path", &o.output_path,
+      "Folder for the results: poses.txt, positions.csv, results.jsonl, model/ and options.ini", OptionRole::OUTPUT);
   add("query_list_path", &o.source.selection.query_list_path,
-      "File with one query per line: its name, or hloc's `name MODEL width height params...`; default: every image of "
-      "the database file without a pose in --input_path",
+      "File with one query per line: `name`, or `name MODEL width height params...` as in hloc; default: all images "
+      "of the database file that have no pose in --input_path",
       OptionRole::INPUT);
   add("pairs_path", &o.source.selection.pairs_path,
-      "File with the pairs to use, two image names per line; default: all pairs with matches in the database",
+      "File with the image pairs to use, two names per line; default: all pairs that have matches in the database",
       OptionRole::INPUT);
   add("image_path", &o.source.photos.image_path,
-      "Folder of the photos; a query without keypoints in the database is a photo, whose features are extracted and "
+      "Folder of the photos. If a query has no keypoints in the database, features are extracted from its photo and "
       "matched in memory",
       OptionRole::MACHINE);
   add("retrieval_index_path", &o.source.photos.retrieval_index_path,
-      "Index of colmap lazy_indexer for finding the database images that look like a photo; made or updated if needed; "
-      "default: an index in memory if there are more than 50 database images",
+      "Visual index, which finds the database images that look like a photo; created or updated if needed, or by "
+      "colmap lazy_indexer; default: an index in memory if there are more than 50 database images",
       OptionRole::INPUT);
   add("onnx_path", &o.source.photos.features.aliked.onnx_path,
-      "Folder of COLMAP 4's ONNX models: photos are matched by ALIKED features if the database has these, or if its own do "
-      "not localize them (at night, for example)",
+      "Folder of COLMAP 4's ONNX models. Photos are matched by ALIKED features if the database has these, or if SIFT "
+      "does not localize a photo (for example at night)",
       OptionRole::INPUT);
   add("rig_config_path", &o.source.selection.groups.rig_config_path,
-      "Camera rigs of the images in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or "
-      "model",
+      "Camera rigs in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or model",
       OptionRole::INPUT);
   add("query_trajectory_path", &o.source.selection.groups.trajectory_path,
-      "Poses of the queries relative to each other: a COLMAP model, or a file in TUM's format or that of poses.txt; "
-      "each group (without a group option, all queries) is localized as one rigid body",
+      "Relative poses of the queries, for example from odometry: a COLMAP model, a file in TUM's format, or a file "
+      "like poses.txt. Each group of queries is localized as one rigid body; without an option for groups, all "
+      "queries are one group",
       OptionRole::INPUT);
   add("query_position_path", &o.source.priors.position_path,
-      "File with lines `name x y z stddev` (or three standard deviations, or six numbers of a covariance): where the "
-      "cameras of queries are, from GPS for example; a position that the images contradict is left out",
+      "Rough positions of the queries, for example from GPS: lines `name x y z stddev`, or with three standard "
+      "deviations or the six numbers of a covariance. A position is not used if the images contradict it",
       OptionRole::INPUT);
   add("query_gravity_path", &o.source.priors.gravity_path,
-      "File with lines `name gx gy gz stddev_deg`: where down is in the axes of queries, from an accelerometer for "
-      "example; a direction that the images contradict is left out",
+      "Direction of gravity in the camera axes of the queries, for example from an accelerometer: lines `name gx gy "
+      "gz stddev_deg`. A direction is not used if the images contradict it",
       OptionRole::INPUT);
   add("depth_path", &o.source.depth.depth_path,
-      "Folder of depth maps of the database images, by the images' names: 16-bit PNG, .npy, or .bin of COLMAP's dense "
-      "stereo; default: no depth",
+      "Folder of depth maps with the names of the database images: 16-bit PNG, .npy, or .bin files of COLMAP's dense "
+      "stereo; default: no depth maps",
       OptionRole::INPUT);
 }
 
 template <typename Options, typename Add>
 void ForEachBasicOption(Options& o, const Add& add) {
   ForEachFileOption(o, add);
-  add("strict", &o.strict, "Exit with code 2 if a query was not localized", OptionRole::OUTPUT);
-  add("resume", &o.resume, "Go on with an unfinished run in --output_path, or begin one", OptionRole::START);
-  add("overwrite", &o.overwrite, "Remove an unfinished run in --output_path and start anew", OptionRole::START);
+  add("strict", &o.strict, "Exit with code 2 if any query was not localized", OptionRole::OUTPUT);
+  add("resume", &o.resume, "Continue the unfinished run in --output_path, or start a run if there is none",
+      OptionRole::START);
+  add("overwrite", &o.overwrite, "Delete the unfinished run in --output_path and start anew", OptionRole::START);
   add("shard", &o.shard,
-      "Part of the queries, for example 17/256: the 17th of 256 shards, which colmap lazy_merger joins; default: all",
+      "Part of the queries to localize, for example 17/256 for the 17th of 256 shards; colmap lazy_merger joins the "
+      "results; default: all queries",
       OptionRole::OUTPUT);
-  add("log_path", &o.log_path, "File for one line of JSON for each finished query; --resume 1 appends to it",
+  add("log_path", &o.log_path, "File for one line of JSON per finished query; with --resume 1, lines are appended",
       OptionRole::OUTPUT);
   add("ImageReader.camera_params", &o.source.photos.camera_params,
-      "Parameters of the camera model of photos without a camera of their own, separated by commas; default: a camera of "
+      "Camera parameters of photos whose camera is not known otherwise, separated by commas; default: a camera of "
       "the database with the photo's size, else the focal length in EXIF, else a guess");
   add("ImageReader.single_camera", &o.source.single_camera,
       "Queries of the same size whose intrinsics nobody has stated were taken by one camera with one zoom, which is "
       "estimated from up to 20 of them together and written to options.ini; not for groups, rigs and trajectories");
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
-      "Number of database images per query, those with the most verified inliers; with --pairs_path all listed ones "
-      "are used");
+      "Number of database images to use per query: the images with the most verified inliers; with --pairs_path, all "
+      "listed images are used");
   add("LazyLocalizer.method", &o.localizer.method,
-      "Method: extended, or for comparison paper (LazyLoc as published: one start, one bundle adjustment by Ceres, exact "
-      "database poses, each query individually)");
+      "Method: extended; or paper, for comparison: LazyLoc as published, with one start, one bundle adjustment by "
+      "Ceres, exact database poses, and each query individually");
   add("LazyLocalizer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores", OptionRole::MACHINE);
-  add("LazyLocalizer.seed", &o.localizer.seed, "Seed of all random choices; the same seed gives the same result");
+  add("LazyLocalizer.seed", &o.localizer.seed, "Seed of all random choices; the same seed gives the same results");
   add("LazyLocalizer.group_size", &o.source.selection.groups.group_size,
-      "Number of consecutive queries of the list (with rigs: of frames) that are localized together");
+      "Number of consecutive queries (with rigs: frames) that are localized together");
   add("LazyLocalizer.leave_one_out", &o.source.selection.leave_one_out,
-      "Localize each posed image (or each of --query_list_path) against all others");
+      "Localize each posed image, or each image in --query_list_path, against all other posed images");
   add("LazyLocalizer.intrinsics", &o.localizer.intrinsics,
-      "Intrinsics of queries: auto (estimate a focal length that is a guess, EXIF's or another image's; refuse a query "
-      "whose given intrinsics the images contradict), given (keep them and only warn) or refine (always estimate the "
-      "focal length)");
+      "Use of the intrinsics of queries. auto: estimate the focal length if it comes from EXIF, another image or a "
+      "guess; refuse a query if the images contradict its given intrinsics. given: keep the intrinsics and only "
+      "warn. refine: always estimate the focal length");
   add("LazyLocalizer.world_up", &o.source.priors.world_up,
-      "Direction against gravity in the model, for example 0,0,1; needed for --query_gravity_path");
+      "Upward direction in the model, for example 0,0,1; needed for --query_gravity_path");
   add("LazyLocalizer.depth_is_metric", &o.localizer.depth_is_metric,
-      "Take depths in --depth_path as lengths in the unit of the model, even if no triangulated points confirm their "
-      "scale");
+      "Assume that depths in --depth_path are in the unit of the model, even if no triangulated points confirm this");
   add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
-      "Minimum probability that a position is right; queries below it have the status LOW_CONFIDENCE");
+      "Minimum probability that the position is right; below this, a query has the status LOW_CONFIDENCE");
 }
 
 template <typename Options, typename Add>
 void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.group_list_path", &o.selection.groups.group_list_path,
-      "File with one group of queries per line, by image names; a group is localized together", OptionRole::INPUT);
-  add("LazyLocalizer.Advanced.use_rigs", &o.selection.groups.use_rigs,
-      "Use camera rigs: localize the images of a frame together");
+      "File with the names of one group of queries per line; each group is localized together", OptionRole::INPUT);
+  add("LazyLocalizer.Advanced.use_rigs", &o.selection.groups.use_rigs, "Localize the images of a rig's frame together");
   add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
-      "Take lengths in --query_trajectory_path as lengths in the unit of the model; 0 estimates their scale for each "
-      "group");
+      "Lengths in --query_trajectory_path are in the unit of the model; 0: estimate their scale for each group");
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
-      "Depth in the unit of the model for a value of 1 in a PNG of --depth_path");
+      "Depth, in the unit of the model, of the value 1 in PNG files of --depth_path");
   add("LazyLocalizer.Advanced.on_demand", &o.photos.on_demand,
-      "Extract the SIFT features of a database image when a photo needs them, from its own photo below --image_path, if "
-      "the database does not have them; retrieval then uses coarse features of these photos; both are kept beside the "
-      "index");
+      "If the database lacks the SIFT features of a database image, extract them from its file below --image_path "
+      "when a photo needs them. Similar images are then found by coarse features of these files. Features are kept "
+      "beside the index");
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
-      "New COLMAP database for the photos' features and matches; the file must not exist", OptionRole::OUTPUT);
+      "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
   add("LazyLocalizer.Advanced.cache_gb", &o.photos.cache_gb,
-      "Memory in gigabytes for the features of database images that photos are matched with", OptionRole::MACHINE);
+      "Memory in gigabytes for features of database images, when photos are localized", OptionRole::MACHINE);
 }
 
 template <typename Options, typename Add>
 void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.rig_noise_px", &o.rig_noise_px,
-      "Expected error of the relative poses of a rig or trajectory, as displacement of keypoints. 0: exact");
+      "Expected error of the relative poses of a rig or trajectory, as a displacement of keypoints; 0: they are exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
-      "Standard deviation of the database images' rotations in degrees; 0 for both deviations keeps the poses constant, "
-      "-1 for both estimates their errors for each query");
+      "Standard deviation of the rotations of database images in degrees; 0 here and for the positions: the poses "
+      "are exact; -1 for both: their errors are estimated for each query");
   add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
-      "Standard deviation of the database images' positions in database units; 0 for both deviations keeps the poses "
-      "constant, -1 for both estimates their errors for each query");
+      "Standard deviation of the positions of database images in the unit of the model; 0 here and for the "
+      "rotations: the poses are exact; -1 for both: their errors are estimated for each query");
   add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
-      "Standard deviation of a given focal length, as a fraction of it; 0 leaves it out of the covariance");
+      "Standard deviation of a given focal length, as a fraction of the focal length; 0: the covariance does not "
+      "include it");
 }
 
 template <typename Options, typename Add>
 void ForEachFeatureOption(Options& o, const Add& add) {
-  add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a known camera");
+  add("ImageReader.camera_model", &o.camera_model, "Camera model of photos whose camera is not known otherwise");
   auto& extraction = o.features.sift;
   add("SiftExtraction.max_image_size", &extraction.max_image_size,
-      "Maximum size of a photo in pixels; a larger one is scaled down for extraction");
+      "Maximum width and height of a photo in pixels; a larger photo is scaled down for extraction");
   add("SiftExtraction.max_num_features", &extraction.max_num_features,
-      "Maximum number of features of a photo; those of the largest scales are kept; -1: as many as 95 % of the database "
-      "images have at most");
+      "Maximum number of features per photo; features of the largest scales are kept; -1: the number that 95 % of "
+      "the database images do not exceed");
   add("SiftExtraction.first_octave", &extraction.first_octave,
-      "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not; -2: the first one that the scales of "
-      "the database images' keypoints need");
+      "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not; -2: the first octave that the "
+      "keypoints of the database images need");
   add("SiftExtraction.estimate_affine_shape", &extraction.estimate_affine_shape,
-      "Estimate ellipses instead of circles as feature shapes");
+      "Estimate elliptical instead of circular feature shapes");
   add("SiftExtraction.domain_size_pooling", &extraction.domain_size_pooling, "Pool descriptors over several scales");
-  add("SiftExtraction.upright", &extraction.upright, "Assume that photos are upright: fix the features' orientation");
+  add("SiftExtraction.upright", &extraction.upright,
+      "Assume that photos are upright, and fix the orientation of features");
   add("AlikedExtraction.max_num_features", &o.features.aliked.max_num_features,
-      "Maximum number of ALIKED features of a photo; those of the highest scores are kept");
+      "Maximum number of ALIKED features per photo; features with the highest scores are kept");
   add("FeatureMatching.type", &o.features.matcher,
-      "How photos are matched: SIFT_BRUTEFORCE, ALIKED_BRUTEFORCE or ALIKED_LIGHTGLUE, which takes seconds per pair and "
-      "bridges larger changes of light and viewpoint; AUTO: the database's features by brute force, and photos that this "
-      "does not localize again by ALIKED_LIGHTGLUE if --onnx_path is given");
+      "How photos are matched: SIFT_BRUTEFORCE, ALIKED_BRUTEFORCE, or ALIKED_LIGHTGLUE, which takes seconds per pair "
+      "and bridges larger changes of light and viewpoint. AUTO: by brute force with the features of the database; "
+      "with --onnx_path, a photo that is not localized is matched again by ALIKED_LIGHTGLUE");
 }
 
 template <typename Options, typename Add>

@@ -38,11 +38,11 @@ void validate(boost::any& value, const std::vector<std::string>& texts, Enum*, i
 template <typename Add>
 void ForEachBasicOption(IndexerOptions& o, const Add& add) {
   add("database_path", &o.database_path, "COLMAP database with SIFT descriptors; opened read-only");
-  add("index_path", &o.index_path, "File of the index; an existing one is updated");
+  add("index_path", &o.index_path, "File of the index; an existing index is updated");
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
-      "Maximum number of visual words in the index; a small database has fewer");
+      "Maximum number of visual words in the index; a small database has fewer words");
   add("LazyIndexer.max_num_features", &o.retrieval.max_num_features,
-      "Maximum number of features of an image that are indexed: those of the largest scales; -1 takes all; an existing "
+      "Maximum number of indexed features per image; features of the largest scales are kept; -1: all; an existing "
       "index keeps its number");
   add("LazyIndexer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores");
 }
@@ -54,8 +54,10 @@ void ForEachBasicOption(MergerOptions& o, const Add& add) {
   add("input_path", &o.input_path,
       "Folder with the output folders of all shards, or a file with one of these folders per line");
   add("output_path", &o.output_path, "Folder for the results, as one run of colmap lazy_localizer writes them");
-  add("database_path", &o.database_path, "COLMAP database of the shards; default: at the path that they were given");
-  add("model_path", &o.model_path, "Folder of the --input_path of the shards; default: the path that they were given");
+  add("database_path", &o.database_path,
+      "COLMAP database of the shards; default: the --database_path with which they were run");
+  add("model_path", &o.model_path,
+      "Folder of the COLMAP model of the shards; default: the --input_path with which they were run");
 }
 template <typename Add>
 void ForEachAdvancedOption(MergerOptions&, const Add&) {}
@@ -87,7 +89,8 @@ struct Descriptions {
 
 template <typename Options>
 Descriptions Describe(const char* summary, Options* options, std::string* project_path) {
-  Descriptions descriptions{summary, po::options_description("Options (of a switch: 0 or 1; default in brackets)"),
+  Descriptions descriptions{summary,
+                            po::options_description("Options (switches take 0 or 1; defaults are in parentheses)"),
                             po::options_description("Advanced options")};
   const auto add_to = [](po::options_description* description) {
     return [description](const char* name, auto* value, const char* help, OptionRole = OptionRole::METHOD) {
@@ -99,7 +102,8 @@ Descriptions Describe(const char* summary, Options* options, std::string* projec
   ForEachAdvancedOption(*options, add_to(&descriptions.advanced));
   if (!descriptions.advanced.options().empty()) add_switch("help-all", "Print the help of all options");
   add_switch("version", "Print the versions of this program and of COLMAP");
-  add_switch("project_path", po::value(project_path), "File (.ini) with any of these options; the command line wins");
+  add_switch("project_path", po::value(project_path),
+             "File (.ini) with any of these options; options on the command line take precedence");
   ForEachBasicOption(*options, add_to(&descriptions.basic));
   return descriptions;
 }
@@ -196,7 +200,8 @@ void PrintGroupedHelp(const Descriptions& descriptions) {
     groups.add(options);
   }
   std::cout << descriptions.summary << "\n\n"
-            << kExamples << groups << "\nOf a switch: 0 or 1; defaults are in brackets. --help-all shows all options, "
+            << kExamples << groups
+            << "\nSwitches take 0 or 1. Defaults are in parentheses. --help-all shows all options, "
             << "--version the version.\n";
 }
 
@@ -270,15 +275,14 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
 
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options) {
   return ParseAndCheck(argc, argv, "lazy_indexer",
-                       "colmap lazy_indexer: makes or updates the index from which colmap lazy_localizer retrieves the "
+                       "colmap lazy_indexer: makes or updates the index in which colmap lazy_localizer finds the "
                        "database images that look like a photo.",
                        options);
 }
 
 bool ParseCommandLine(int argc, char** argv, MergerOptions* options) {
   return ParseAndCheck(argc, argv, "lazy_merger",
-                       "colmap lazy_merger: joins the results of all shards of a run of colmap lazy_localizer.",
-                       options);
+                       "colmap lazy_merger: joins the results of all shards of a colmap lazy_localizer run.", options);
 }
 
 std::vector<std::tuple<std::string, std::string, std::string>> ListSettings() {
