@@ -29,8 +29,11 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>',
 
 
 def on_config(config):
-    """Leaves out the page for addresses that a server does not find, because the site opens from the disk."""
+    """Leaves out the page for addresses that a server does not find, because the site opens from the disk. Shows the
+    version at the bottom of each page."""
     config.theme.static_templates.discard("404.html")
+    package = (ROOT / "python" / "colmap_lazyloc" / "__init__.py").read_text(encoding="utf-8")
+    config.copyright = f"colmap_lazyloc {re.search(r'__version__ = .([0-9.]+)', package)[1]}"
 
 
 def on_files(files, config):

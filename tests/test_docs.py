@@ -4,6 +4,7 @@ import pathlib
 import re
 import shutil
 import subprocess
+import sys
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -14,6 +15,11 @@ from browser import ARGUMENTS, chromium_path
 from conftest import PROJECT_PATH
 
 SCHEMES = {"light": "default", "dark": "slate"}  # names of the theme
+DOCS_PATH = PROJECT_PATH / "docs"
+COMMAND = re.compile(r"(?<![\w/`])(lazyloc (?!cluster|retrieve)[a-z]+|colmap lazy_\w+) ([^|;&]*)")
+QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"| #.*")
+OPTION = re.compile(r"(?<!\S)--[A-Za-z][\w.]*")
+SEARCHED = {"ros": "robots", "rtk": "drones", "iphone": "export_poses", "error code": "statuses", "metashape": "film"}
 LOADED = re.compile(r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=\"?((?:https?:)?//[^\s\">]+)")
 
 
@@ -36,6 +42,39 @@ def test_pages_load_nothing_from_the_network(site):
     assert len(pages) > 40
     for page in pages:
         assert LOADED.findall(page.read_text()) == [], page
+
+
+def commands_of(page):
+    """Returns (command, its options) of the blocks of a page that a shell reads."""
+    blocks = re.findall(r"^```(?:sh|console)\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    found = [match.groups() for line in lines for match in COMMAND.finditer(QUOTED.sub("", line))]
+    return [(command, set(OPTION.findall(rest))) for command, rest in found]
+
+
+def test_commands_have_the_options_of_the_pages():
+    """Compares the options in docs/ with the help of lazyloc, and with the tables that are made from the program's."""
+    reference = (DOCS_PATH / "command_line.md").read_text(encoding="utf-8")
+    of_program, known = set(re.findall(r"--[A-Za-z][\w.]*", reference)), {}
+    pages = [PROJECT_PATH / "README.md", *DOCS_PATH.rglob("*.md")]
+    commands = [(page, *found) for page in pages for found in commands_of(page)]
+    assert len(commands) > 80
+    for page, command, options in commands:
+        if command.startswith("lazyloc ") and command not in known:
+            words = [sys.executable, "-m", "colmap_lazyloc", command.split()[1], "--help"]
+            done = subprocess.run(words, cwd=PROJECT_PATH / "python", capture_output=True, text=True)
+            known[command] = set(re.findall(r"--[A-Za-z][\w.]*", done.stdout)) | of_program
+        assert options <= known.get(command, of_program), f"{page}: {command}"
+
+
+def test_pages_have_the_words_that_readers_search(site):
+    for words, page in SEARCHED.items():
+        (path,) = site.rglob(f"{page}.html")
+        assert re.search(rf"\b{words}\b", path.read_text(encoding="utf-8").lower()), page
+
+
+def test_each_page_shows_the_version(site):
+    assert f"colmap_lazyloc {colmap_lazyloc.__version__}" in (site / "users" / "index.html").read_text()
 
 
 def test_formulas_are_mathml(site):
