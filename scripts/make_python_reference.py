@@ -126,10 +126,10 @@ def make_reference() -> str:
                 described += describe_class(node, lines)
             else:
                 functions += describe_function(node, f"{name}.{member}")
-    types = ["### Types", "", "Names of types in the signatures; `ArrayLike` and `NDArray` are numpy's.", ""]
+    types = ["### Types", "", "Types in the signatures. `ArrayLike` and `NDArray` are from numpy.", ""]
     for name in WITH_ALIASES:
         types += describe_aliases(name)
-    files = ["", "Fields of files; [formats.md](formats.md) says what they mean.", "", *describe_fields_of_files()]
+    files = ["", "Fields of files. [Files and formats](formats.md) explains them.", "", *describe_fields_of_files()]
     text = "\n".join([*described, *functions, *types, *files])
     return re.sub(r"\n{3,}", "\n\n", text).rstrip() + "\n"
 

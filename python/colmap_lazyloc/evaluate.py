@@ -29,12 +29,12 @@ from colmap_lazyloc.results import RESULTS, find_run, read_results
 DEFAULT_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
 
 
-Errors = dict[str, tuple[float, float] | None]  # by query name: of position, and of rotation in degrees
+Errors = dict[str, tuple[float, float] | None]  # by query name: position error, and rotation error in degrees
 METRE = "m"  # the other unit is that of the database, whatever it is
 
 
 class Recall(TypedDict):
-    """The share of the queries whose errors are within two thresholds."""
+    """The share of the queries whose position error and rotation error are both within a threshold."""
 
     position: float
     rotation_deg: float
@@ -42,7 +42,7 @@ class Recall(TypedDict):
 
 
 class Summary(TypedDict):
-    """Errors of the localized queries, None if no query is localized, and the recall over all queries."""
+    """Errors of the localized queries (None if there are none), and the recall over all queries."""
 
     num_queries: int
     num_localized: int
@@ -76,7 +76,7 @@ def read_any_poses(path: pathlib.Path) -> dict[str, Pose]:
 def evaluate(
     estimated: ModelLike | Mapping[str, PoseLike], truth: ModelLike | Mapping[str, PoseLike], names: Iterable[str]
 ) -> Errors:
-    """Returns position error and rotation error in degrees by query name; None if there is no estimated pose.
+    """Returns (position error, rotation error in degrees) by query name; None for a query without an estimated pose.
 
     Poses are in a dict by name (a `Pose`, a pycolmap.Rigid3d or a pycolmap.Image), or in a pycolmap.Reconstruction.
     """
@@ -85,7 +85,7 @@ def evaluate(
 
 
 def summarize(errors: Errors, thresholds: Sequence[tuple[float, float]] = DEFAULT_THRESHOLDS) -> Summary:
-    """Returns median, mean and maximum errors of the localized queries, and the recall at each threshold."""
+    """Returns the median, mean and maximum error of the localized queries, and the recall at each threshold."""
     localized = np.array([error for error in errors.values() if error is not None], float).reshape(-1, 2)
 
     def statistic(function: Callable[[Floats], np.floating], column: int) -> float | None:

@@ -12,14 +12,14 @@ from colmap_lazyloc.poses import PoseLike
 from colmap_lazyloc.text_files import Path
 
 CameraInput = str | Mapping[str, object] | CameraLike  # "MODEL width height params...", a dict, or a pycolmap.Camera
-PoseInput = PoseLike | ArrayLike | tuple[ArrayLike, ArrayLike]  # also a 3x4 or 4x4 matrix, or a pair of R and t
+PoseInput = PoseLike | ArrayLike | tuple[ArrayLike, ArrayLike]  # also a 3x4 or 4x4 matrix, or (R, t)
 PosedInput = (
     tuple[ArrayLike, ArrayLike, CameraInput] | tuple[PoseInput, CameraInput]
 )  # (R, t, camera) or (pose, camera)
 ModelInput = ModelLike | Mapping[str, PosedInput]  # in memory, or {name: (R, t, camera) or (pose, camera)}
-PositionPrior = tuple[ArrayLike, ArrayLike]  # x, y, z, and a standard deviation, three of them or a covariance
-GravityPrior = tuple[ArrayLike, float]  # x, y, z, and a standard deviation in degrees
-PairInput = ArrayLike | tuple[ArrayLike, ArrayLike]  # matches, or keypoints of a posed image and matches
+PositionPrior = tuple[ArrayLike, ArrayLike]  # (x, y, z), and one or three standard deviations, or a covariance
+GravityPrior = tuple[ArrayLike, float]  # (x, y, z), and a standard deviation in degrees
+PairInput = ArrayLike | tuple[ArrayLike, ArrayLike]  # matches, or (keypoints of the posed image, matches)
 Option = str | float | Path | ArrayLike  # the value of an option
 Options = Mapping[str, "Option | Options"]  # by name, or in nested dicts
 
@@ -28,9 +28,7 @@ Options = Mapping[str, "Option | Options"]  # by name, or in nested dicts
 class Photo:
     """A photo whose features are extracted and matched in memory.
 
-    `image`: a file (below the option image_path, if it is set), or uint8 values, height x width (grey) or
-    height x width x 3 (RGB). `camera`: as for `Localizer.localize_photo`. `name`: the query's name, from which random
-    choices are seeded; default: the path, or "photo". `position`, `gravity`: as for `Localizer.localize`.
+    The fields are the arguments of `Localizer.localize_photo`.
     """
 
     image: Path | NDArray[np.uint8]
@@ -42,7 +40,7 @@ class Photo:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Matches:
-    """A query with features and matches of its own; the fields are described at `Localizer.localize_matches`."""
+    """A query with features and matches of your own. The fields are the arguments of `Localizer.localize_matches`."""
 
     camera: CameraInput
     keypoints: ArrayLike

@@ -43,9 +43,9 @@ IDENTITY = np.array([1.0, 0, 0, 0, 0, 0, 0])
 class Localizer:
     """Localizes queries against the posed images of a COLMAP model, with the results of `colmap lazy_localizer`.
 
-    Its methods may be called from several threads, which run at the same time. Every error in the input raises
-    `InputError`, a ValueError, with one sentence. A query that cannot be localized is not an error: its result has a
-    status that says why.
+    You may call its methods from several threads at the same time. Invalid input raises `InputError`, a ValueError,
+    with a one-sentence message. A query that cannot be localized is not an error: the status of its result gives the
+    reason.
     """
 
     def __init__(
@@ -56,13 +56,13 @@ class Localizer:
         index: Path | None = None,
         options: Options | None = None,
     ):
-        """Opens a database, which is never written, and a model.
+        """Opens a database, without ever writing to it, and a model.
 
-        `database`: a COLMAP database; None if every query has features and matches of its own (`localize_matches`).
+        `database`: a COLMAP database; None if you pass features and matches for every query (`localize_matches`).
         `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or {name: (R, t, camera)} with cam_from_world
-        of each posed image: R is a 3x3 matrix or a quaternion (w, x, y, z); `camera` as for `localize_photo`. In place
-        of R and t, you can give one pose, as for `localize_rig`: {name: (pose, camera)}.
-        `index`: the file of the retrieval index for photos, made or updated when the first photo needs it.
+        of each posed image. R is a 3x3 matrix or a quaternion (w, x, y, z); for `camera`, see `localize_photo`. You can
+        pass a single pose instead of R and t, as in `localize_rig`: {name: (pose, camera)}.
+        `index`: the file of the retrieval index for photos. It is created or updated when the first photo needs it.
         `options`: options of the command line by name (see `list_options`), for example {"num_retrieved": 20},
         {"LazyLocalizer": {"num_retrieved": 20}} or {"LazyLocalizer.num_retrieved": 20}.
         """
@@ -87,7 +87,7 @@ class Localizer:
             warnings.warn(warning, stacklevel=2)
 
     def close(self) -> None:
-        """Closes the database and frees the memory as soon as calls in other threads have ended."""
+        """Closes the database and frees the memory, once calls in other threads have ended."""
         self._core = None
 
     def __enter__(self) -> Localizer:
@@ -98,26 +98,28 @@ class Localizer:
 
     @property
     def num_threads(self) -> int:
-        """Returns how many queries `localize_all` localizes at a time: the option LazyLocalizer.num_threads, by default
-        the number of cores. More calls at a time, in threads of the caller, are not faster."""
+        """Returns how many queries `localize_all` localizes at a time: the value of the option
+        LazyLocalizer.num_threads, by default the number of cores. Calling from more threads of your own is not
+        faster."""
         return self._num_threads if self._num_threads > 0 else os.cpu_count() or 1
 
     @property
     def queries(self) -> list[str]:
-        """Returns the names of the queries that the options select: by default, all images of the database without a
-        pose in the model."""
+        """Returns the names of the queries that the options select; by default, all images in the database that have
+        no pose in the model."""
         return [name for group in self._open().groups() for name in group]
 
     def localize(
         self, name: str, *, position: PositionPrior | None = None, gravity: GravityPrior | None = None
     ) -> Result:
-        """Localizes a query of `queries`, together with its group if the options or rigs make groups.
+        """Localizes one of `queries`. If the options or rigs form groups, its group is localized with it.
 
-        `position`: (x, y, z), uncertainty: where the camera was, in the model's coordinates, from GPS for example. The
-        uncertainty is a standard deviation, one for each coordinate, or a 3x3 covariance.
-        `gravity`: (x, y, z), standard deviation in degrees: where down was in the camera's axes (x right, y down, z
-        forward). It needs the option world_up. Both replace those in the files of the options; what the images
-        contradict is left out (`as_dict()["priors"]` of the result).
+        `position`: ((x, y, z), uncertainty), the rough position of the camera in the model's coordinates, for example
+        from GPS. The uncertainty is one standard deviation, one for each coordinate, or a 3x3 covariance.
+        `gravity`: ((x, y, z), standard deviation in degrees), the downward direction in the camera's axes (x right, y
+        down, z forward). It needs the option world_up.
+        These values replace the values in files that the options name. They are not used if the images contradict
+        them; `as_dict()["priors"]` of the result shows how they were used.
         """
         localizer = self._open()
         group = localizer.find_group(_check_name(name))
@@ -133,15 +135,15 @@ class Localizer:
         position: PositionPrior | None = None,
         gravity: GravityPrior | None = None,
     ) -> Result:
-        """Extracts the features of a photo, matches them with the database's and localizes it.
+        """Extracts the features of a photo, matches them with the database, and localizes the photo.
 
-        `image`: a file (below the option image_path, if it is set), or uint8 values, height x width (grey) or
-        height x width x 3 (RGB). The database needs the descriptors of the posed images.
+        `image`: a file (relative to the option image_path, if it is set), or a uint8 array of height x width (grey) or
+        height x width x 3 (RGB). The database must contain the descriptors of the posed images.
         `camera`: "MODEL width height params...", a dict with the keys model, width, height and params, or an object
-        with these attributes, for example pycolmap.Camera. By default, the intrinsics come from a camera of the model
-        with the photo's size, from EXIF, or from a guess, and the images correct them.
-        `name`: the query's name, from which random choices are seeded; default: the path, or "photo".
-        `position`, `gravity`: as for `localize`.
+        with these attributes, such as pycolmap.Camera. By default, the intrinsics come from a camera in the model with
+        the photo's size, from EXIF, or from a guess, and are corrected by the images.
+        `name`: the query's name, which also seeds random choices; default: the path, or "photo".
+        `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Photo(image, camera, name, position, gravity))
 
@@ -155,41 +157,43 @@ class Localizer:
         position: PositionPrior | None = None,
         gravity: GravityPrior | None = None,
     ) -> Result:
-        """Localizes a query from features and matches of any kind.
+        """Localizes a query from features and matches of your own.
 
-        `camera`: as for `localize_photo`. `keypoints`: n x 2, xy in pixels.
-        `pairs`: {name of a posed image: (its keypoints, matches)}, with m x 2 pixels and k x 2 integers: the index of a
-        keypoint of the query and of a keypoint of the posed image. With `matches` alone instead of the pair, the
-        keypoints are taken from the database. Matches are verified by COLMAP's two-view geometry.
-        `position`, `gravity`: as for `localize`.
+        `camera`: see `localize_photo`. `keypoints`: n x 2, xy in pixels.
+        `pairs`: {name of a posed image: (keypoints, matches)}. The keypoints of the posed image are m x 2 pixels. Each
+        of the k x 2 matches has the index of a query keypoint and the index of a keypoint of the posed image. If you
+        pass only the matches, the keypoints of the posed image are read from the database. COLMAP's two-view geometry
+        verifies the matches.
+        `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Matches(camera, keypoints, pairs, name, position, gravity))
 
     def localize_rig(self, images: Mapping[QueryT, PoseInput], *, name: str = "rig") -> dict[str, Result]:
-        """Localizes the images of a camera rig at one moment, which share one unknown pose; returns results by name.
+        """Localizes the images that a camera rig took at one moment; returns the results by name.
 
-        `images`: {query: cam_from_rig}; a query is the name of one of `queries`, a `Photo` or a `Matches`, a pose a 3x4
-        or 4x4 matrix, (R, t), a `colmap_lazyloc.poses.Pose`, a pycolmap.Rigid3d or a pycolmap.Image. Lengths are in the
-        model's unit.
+        `images`: {query: cam_from_rig}. A query is the name of one of `queries`, a `Photo` or a `Matches`. A pose is a
+        3x4 or 4x4 matrix, (R, t), a `colmap_lazyloc.poses.Pose`, a pycolmap.Rigid3d or a pycolmap.Image, with lengths
+        in the model's unit. The pose of the rig is the only unknown.
         """
         return self._localize_frame(images, name, has_scale=True)
 
     def localize_trajectory(self, images: Mapping[QueryT, PoseInput], *, has_scale: bool = True) -> dict[str, Result]:
-        """Localizes images whose poses relative to each other are known, from odometry or SLAM, as one rigid body.
+        """Localizes images with known relative poses, for example from odometry or SLAM, as one rigid body.
 
-        `images`: {query: cam_from_world in the trajectory's own world}, as for `localize_rig`. `has_scale`: False if
-        its unit is not the model's, so that the scale is estimated.
+        `images`: {query: cam_from_world in the trajectory's own coordinates}; for the types, see `localize_rig`.
+        `has_scale`: False if the trajectory is not in the model's unit; its scale is then estimated.
         """
         return self._localize_frame(images, None, has_scale=has_scale)
 
     def localize_all(
         self, queries: Iterable[Query] | None = None, *, num_threads: int | None = None, progress: bool = False
     ) -> Iterator[Result]:
-        """Localizes many queries on several threads and returns a generator of results, in order of completion.
+        """Localizes many queries on several threads, and returns a generator of results in order of completion.
 
-        `queries`: names of `queries` (the default), `Photo` and `Matches`. `num_threads`: default is the property of
-        this name, -1 is the number of cores. `progress`: shows a bar on the standard error output, by tqdm. Closing the
-        generator, or Ctrl-C, ends the run after the queries that have begun.
+        `queries`: names from `queries`, `Photo` and `Matches`; default: all of `queries`. `num_threads`: number of
+        threads, -1 uses all cores; default: the property `num_threads`. `progress`: True shows a progress bar (tqdm) on
+        the standard error output. After Ctrl-C, or when the generator is closed, the running queries are finished and
+        no new queries start.
         """
         localizer = self._open()
         num_threads = self.num_threads if num_threads is None else num_threads

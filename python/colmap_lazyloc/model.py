@@ -90,19 +90,19 @@ class Camera:
 
     @staticmethod
     def of(camera: CameraLike) -> "Camera":
-        """Returns the intrinsics of a pycolmap.Camera by its attributes, or a Camera as it is."""
+        """Returns the intrinsics of a pycolmap.Camera; a Camera is returned unchanged."""
         if isinstance(camera, Camera):
             return camera
         model = getattr(camera.model, "name", camera.model)
         return Camera(str(model), int(camera.width), int(camera.height), tuple(map(float, camera.params)))
 
     def text(self) -> str:
-        """Returns `MODEL width height params...`, from which `parse` reads the same numbers."""
+        """Returns `MODEL width height params...` with enough digits for `parse` to read the same numbers."""
         return " ".join([self.model, str(self.width), str(self.height), *(repr(float(param)) for param in self.params)])
 
     @staticmethod
     def parse(path: Path, text: str) -> "Camera":
-        """Parses the output of `text`; errors name `path`."""
+        """Parses the output of `text`; error messages name `path`."""
         words = text.split(maxsplit=3)
         if len(words) < 4 or not (words[1].isdecimal() and words[2].isdecimal()):
             raise InputError(f"{path}: expected `MODEL width height params...`, found '{text}'")
@@ -133,17 +133,17 @@ class Camera:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Image:
-    """An image of a model; a query outside the model may have no pose."""
+    """An image of a model. A query may have no pose."""
 
     name: str
     camera_id: int
     cam_from_world: Pose | None
     image_id: int = 0
-    points2d: NDArray[np.void] = dataclasses.field(default_factory=NO_POINTS.copy)  # n rows of POINT2D
+    points2d: NDArray[np.void] = dataclasses.field(default_factory=NO_POINTS.copy)  # image points, n rows of POINT2D
 
     @property
     def pose(self) -> Pose:
-        """Returns cam_from_world of an image that must have one."""
+        """Returns cam_from_world; the image must have a pose."""
         if self.cam_from_world is None:
             raise InputError(f"image '{self.name}' has no pose")
         return self.cam_from_world
@@ -158,7 +158,7 @@ class Model:
 
     @staticmethod
     def of(model: "ModelLike") -> "Model":
-        """Returns the cameras and the posed images of a pycolmap.Reconstruction, or a Model as it is."""
+        """Returns the cameras and the posed images of a pycolmap.Reconstruction; a Model is returned unchanged."""
         if isinstance(model, Model):
             return model
         images = {}
@@ -178,7 +178,7 @@ def is_reconstruction(value: object) -> bool:
 
 
 def poses_of(poses: ModelLike | Mapping[str, PoseLike]) -> dict[str, Pose]:
-    """Returns the poses by image name of a model or a pycolmap.Reconstruction, or of a dict of poses."""
+    """Returns {image name: pose} for a model, a pycolmap.Reconstruction or a dict of poses."""
     if isinstance(poses, Mapping):
         return {name: Pose.of(pose) for name, pose in poses.items()}
     images = Model.of(poses).images
@@ -191,7 +191,7 @@ def is_model(path: Path) -> bool:
 
 
 def read_model(path: Path) -> Model:
-    """Reads the cameras and images of a COLMAP model; prefers binary files to text files, as COLMAP does."""
+    """Reads the cameras and images of a COLMAP model; like COLMAP, prefers binary files to text files."""
     # Let the program's reader do it, so that both read the same files and refuse the others with the same line. Import
     # it here, because few users of this module read models.
     from colmap_lazyloc.extension import core
@@ -223,7 +223,7 @@ def _points_of_text(line: bytes) -> NDArray[np.void]:
 def write_model(
     path: Path, cameras: Mapping[int, Camera], images: Iterable[Image], binary: bool = False
 ) -> pathlib.Path:
-    """Writes the images that have poses, and their cameras, as a COLMAP model without points; returns its folder."""
+    """Writes a COLMAP model without points, with the posed images and their cameras; returns its folder."""
     path, posed = pathlib.Path(path), [(image, image.cam_from_world) for image in images if image.cam_from_world]
     path.mkdir(parents=True, exist_ok=True)
     used = {camera_id: cameras[camera_id] for camera_id in sorted({image.camera_id for image, _ in posed})}

@@ -40,14 +40,14 @@ class PosedLike(Protocol):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pose:
-    """A pose cam_from_world: x_cam = rotation x_world + tvec. Both vectors keep every bit; qvec is never normalized."""
+    """A pose cam_from_world: x_cam = rotation x_world + tvec. Both vectors keep every bit: qvec is not normalized."""
 
     qvec: Floats  # quaternion w, x, y, z
     tvec: Floats  # in the unit of the world
 
     @staticmethod
     def of(value: "PoseLike") -> "Pose":
-        """Returns the pose of a pycolmap.Rigid3d or a pycolmap.Image, by their attributes, or a Pose as it is."""
+        """Returns the pose of a pycolmap.Rigid3d or a pycolmap.Image; a Pose is returned unchanged."""
         pose = find_pose(value)
         if pose is None:
             raise InputError(f"a pose must be a Pose, a Rigid3d or an Image with one, but is {_describe(value)}")
@@ -87,17 +87,17 @@ class Pose:
         return points_in_world @ self.rotation.T + self.tvec
 
     def errors(self, truth: "PoseLike") -> tuple[float, float]:
-        """Returns the distance of the projection centres, and the angle between the rotations in degrees."""
+        """Returns the distance between the projection centres, and the angle between the rotations in degrees."""
         poses = ((pose.qvec / np.linalg.norm(pose.qvec), pose.tvec) for pose in (self, Pose.of(truth)))
         (distance,), (angle_deg,) = pose_errors(*(vector[None] for pose in poses for vector in pose))
         return float(distance), float(angle_deg)
 
     def bits(self) -> bytes:
-        """Returns the seven doubles as COLMAP's binary models hold them: qvec, tvec."""
+        """Returns qvec and tvec as seven doubles, as in COLMAP's binary models."""
         return np.array([*self.qvec, *self.tvec], "<f8").tobytes()
 
     def text(self) -> str:
-        """Returns `qw qx qy qz tx ty tz`, from which the same numbers are read again."""
+        """Returns `qw qx qy qz tx ty tz` with enough digits to read the same numbers again."""
         return " ".join(f"{number:.17g}" for number in (*self.qvec, *self.tvec))
 
 
@@ -167,7 +167,7 @@ def look_at(cam_in_world: ArrayLike, target: ArrayLike, down: ArrayLike, roll_de
 
 
 def read_poses(path: Path) -> dict[str, Pose]:
-    """Reads a file with lines `name qw qx qy qz tx ty tz`, cam_from_world, such as poses.txt. Names may have blanks."""
+    """Reads lines `name qw qx qy qz tx ty tz` (cam_from_world), such as poses.txt; names may have blanks."""
     poses = {}
     for line_number, line in read_entries(path):
         words = line.rsplit(maxsplit=7)
@@ -187,7 +187,7 @@ def read_poses(path: Path) -> dict[str, Pose]:
 
 
 def write_poses(path: pathlib.Path, poses: Mapping[str, PoseLike]) -> None:
-    """Writes a file that `read_poses` reads, sorted by name; makes its folder."""
+    """Writes a file for `read_poses`, sorted by name; creates its folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     lines = (f"{name} {Pose.of(poses[name]).text()}\n" for name in sorted(poses))
     path.write_text("".join(lines), encoding="utf-8")

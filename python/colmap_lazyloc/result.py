@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PycolmapPose(TypedDict):
-    """What pycolmap's estimators of absolute poses return, and the covariance."""
+    """The dict that pycolmap's absolute pose estimators return, with the covariance."""
 
     cam_from_world: "pycolmap.Rigid3d"
     num_inliers: int
@@ -27,28 +27,28 @@ class PycolmapPose(TypedDict):
 
 @dataclasses.dataclass(frozen=True)
 class RunnerUp:
-    """The most probable other explanation of the images that has a pose."""
+    """The most probable alternative explanation of the images, with its pose."""
 
-    explanation: str  # what is right if it is, in words
+    explanation: str  # what the images would mean, in words
     pose: Pose
-    odds: float | None  # over the result's pose; None if the result's confidence is 0
+    odds: float | None  # its probability divided by the pose's probability; None if the result's confidence is 0
 
 
 class Result:
-    """What the localizer reports of a query: a status, and a pose if the images determine one.
+    """The result for a query: a status, and a pose if the images determine one.
 
     Poses are cam_from_world, x_cam = R x_world + t, in COLMAP's camera frame (x right, y down, z forward). Lengths are
-    in the model's unit, pixels follow COLMAP's convention: the centre of the upper-left pixel is (0.5, 0.5).
+    in the model's unit. As in COLMAP, the centre of the upper-left pixel is (0.5, 0.5).
     """
 
     __slots__ = ("_fields", "keypoints", "line", "name", "observations", "point_keypoints", "points")
 
-    name: str  # of the query
-    line: str  # the line of results.jsonl
-    keypoints: NDArray[np.float64]  # of the query, n x 2, xy in pixels
-    points: NDArray[np.float64]  # points that the query observes, m x 3, in world coordinates
-    point_keypoints: NDArray[np.int32]  # m: the keypoint that observes each point
-    observations: NDArray[np.int32]  # k x 3: a point, an index into `pairs` of as_dict(), its image's keypoint
+    name: str  # name of the query
+    line: str  # the query's line in results.jsonl
+    keypoints: NDArray[np.float64]  # keypoints of the query, n x 2, xy in pixels
+    points: NDArray[np.float64]  # 3D points that the query observes, m x 3, in world coordinates
+    point_keypoints: NDArray[np.int32]  # for each point, the index of the query keypoint that observes it
+    observations: NDArray[np.int32]  # k x 3: indices of a point, of as_dict()["pairs"], and of that image's keypoint
 
     def __init__(
         self,
@@ -66,28 +66,28 @@ class Result:
 
     @property
     def status(self) -> str:
-        """Returns "LOCALIZED", or why the query has no pose to rely on, for example "NO_PAIRS"."""
+        """Returns "LOCALIZED", or the reason why there is no reliable pose, for example "NO_PAIRS"."""
         return self._fields["status"]
 
     @property
     def is_localized(self) -> bool:
-        """True if the status is LOCALIZED, so that there is a pose."""
+        """True if the status is LOCALIZED; only then is there a pose."""
         return self.status == "LOCALIZED"
 
     @property
     def reason(self) -> str:
-        """Returns one sentence about the status; empty for a localized query."""
+        """Returns one sentence that explains the status; empty if the query is localized."""
         return self._fields["reason"]
 
     @property
     def confidence(self) -> float | None:
-        """Returns the probability that the position is right, from 0 to 1; None if there is no pose to judge."""
+        """Returns the probability that the position is right, from 0 to 1; None if no pose was found."""
         return self._fields["confidence"]
 
     @property
     def runner_up(self) -> RunnerUp | None:
-        """Returns the most probable other explanation with its `pose`, its `explanation` in words and its `odds` over
-        the result's pose (docs/formats.md); None if nothing competes."""
+        """Returns the most probable alternative: its `pose`, an `explanation` in words, and its `odds`, the
+        ratio of its probability to the probability of the result's pose (docs/formats.md); None if there is none."""
         fields = self._fields.get("runner_up")
         if fields is None:
             return None
@@ -97,22 +97,22 @@ class Result:
 
     @property
     def pose(self) -> Pose | None:
-        """Returns the pose with the bits of poses.txt (quaternion and translation); None without LOCALIZED."""
+        """Returns the pose exactly as in poses.txt (quaternion and translation); None unless LOCALIZED."""
         return to_pose(self._fields["cam_from_world"])
 
     @property
     def cam_from_world(self) -> NDArray[np.float64] | None:
-        """Returns the pose as a 3x4 matrix [R | t]; None without LOCALIZED."""
+        """Returns the pose as a 3x4 matrix [R | t]; None unless LOCALIZED."""
         return _to_matrix(self.pose)
 
     @property
     def position(self) -> NDArray[np.float64] | None:
-        """Returns the camera's centre in world coordinates, x y z; None without LOCALIZED."""
+        """Returns the camera's centre in world coordinates, x y z; None unless LOCALIZED."""
         return _to_array(self._fields["position"])
 
     @property
     def unconfirmed_cam_from_world(self) -> NDArray[np.float64] | None:
-        """Returns the pose of a query with the status LOW_CONFIDENCE as a 3x4 matrix; None for any other status."""
+        """Returns the pose of a LOW_CONFIDENCE query as a 3x4 matrix; None for any other status."""
         return _to_matrix(to_pose(self._fields["unconfirmed_cam_from_world"]))
 
     @property
@@ -122,49 +122,49 @@ class Result:
 
     @property
     def world_from_cam(self) -> NDArray[np.float64] | None:
-        """Returns the camera's pose in the map as a 3x4 matrix [R | C]: its axes, and its centre; None without
-        LOCALIZED."""
+        """Returns the camera's pose in the map as a 3x4 matrix [R | C]: R has the camera's axes, C is its centre; None
+        unless LOCALIZED."""
         return _to_matrix(to_pose(self._fields["world_from_cam"]))
 
     @property
     def position_covariance(self) -> NDArray[np.float64] | None:
-        """Returns the 3x3 covariance of `position` along the axes of the map, in the model's unit squared; None if
+        """Returns the 3x3 covariance of `position` in the axes of the map, in the model's unit squared; None if
         unknown."""
         return _to_array(self._fields["position_covariance"])
 
     @property
     def pose_covariance_in_map(self) -> NDArray[np.float64] | None:
-        """Returns the 6x6 covariance of world_from_cam in the order of ROS' PoseWithCovariance: position, then rotation
-        about the fixed axes of the map in rad (R <- exp(turn) R for R of world_from_cam); None if unknown."""
+        """Returns the 6x6 covariance of world_from_cam, in the order of PoseWithCovariance in ROS: position, then
+        rotation in rad about the fixed axes of the map (R <- exp(turn) R for R of world_from_cam); None if unknown."""
         return _to_array(self._fields["pose_covariance_in_map"])
 
     @property
     def heading_deg(self) -> float | None:
-        """Returns where the optical axis points over the ground, clockwise from true north if the model is geographic,
-        else from +y of the model (z is up), from 0 to 360; None without LOCALIZED. Looking straight up or down, an axis
-        has no heading: see top_heading_deg."""
+        """Returns the direction of the optical axis over the ground, from 0 to 360, clockwise from true north if the
+        model is geographic, otherwise from +y of the model (z is up); None unless LOCALIZED. A camera that looks
+        straight up or down has no heading; use top_heading_deg."""
         return self._fields["heading_deg"]
 
     @property
     def pitch_deg(self) -> float | None:
-        """Returns the angle of the optical axis above the horizon, from -90 to 90; None without LOCALIZED."""
+        """Returns the angle of the optical axis above the horizon, from -90 to 90; None unless LOCALIZED."""
         return self._fields["pitch_deg"]
 
     @property
     def roll_deg(self) -> float | None:
         """Returns the rotation about the optical axis, from -180 to 180, positive if the photo's right side is lower;
-        None without LOCALIZED."""
+        None unless LOCALIZED."""
         return self._fields["roll_deg"]
 
     @property
     def top_heading_deg(self) -> float | None:
-        """Returns where the top of the photo points over the ground, as heading_deg; None without LOCALIZED. Of a photo
-        that looks down, this is the heading of the drone."""
+        """Returns the direction of the photo's top over the ground, in the form of heading_deg; None unless LOCALIZED.
+        If a drone's photo looks down, this is the heading of the drone."""
         return self._fields["top_heading_deg"]
 
     @property
     def heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of heading_deg, at most 104, that of an unknown direction; None if unknown."""
+        """Returns the standard deviation of heading_deg; 104, the maximum, is an unknown direction; None if unknown."""
         return self._fields["heading_stddev_deg"]
 
     @property
@@ -184,24 +184,24 @@ class Result:
 
     @property
     def inlier_mask(self) -> NDArray[np.bool_]:
-        """Returns n values: True for each keypoint of the query that observes a point of the result."""
+        """Returns a value for each keypoint of the query: True if the keypoint observes a point in `points`."""
         mask = np.zeros(len(self.keypoints), np.bool_)
         mask[self.point_keypoints] = True
         return mask
 
     @property
     def num_inliers(self) -> int:
-        """Returns the number of keypoints that observe a point of the result."""
+        """Returns the number of keypoints that observe a point in `points`."""
         return int(np.count_nonzero(self.inlier_mask))
 
     def as_dict(self) -> ResultFields:
-        """Returns the fields of the line of results.jsonl (docs/formats.md)."""
+        """Returns the fields of the query's line in results.jsonl (docs/formats.md)."""
         fields: ResultFields = json.loads(self.line)
         return fields
 
     def as_pycolmap(self) -> PycolmapPose | None:
-        """Returns the dict of pycolmap's estimators of absolute poses: cam_from_world (pycolmap.Rigid3d), num_inliers,
-        inlier_mask and covariance; None without LOCALIZED, as these estimators do. Needs pycolmap."""
+        """Returns a dict like pycolmap's absolute pose estimators: cam_from_world (pycolmap.Rigid3d), num_inliers,
+        inlier_mask, and also covariance. Like them, it returns None if there is no pose. Needs pycolmap."""
         pose = self.pose
         if pose is None:
             return None

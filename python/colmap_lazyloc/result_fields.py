@@ -24,7 +24,7 @@ class CameraFields(TypedDict):
 
 
 class PairFields(TypedDict):
-    """A database image that the query was compared with."""
+    """A database image that was compared with the query."""
 
     name: str
     num_inliers: int
@@ -37,7 +37,7 @@ BearingFields = TypedDict("BearingFields", {"from": str, "direction": list[float
 
 
 class EvidenceFields(TypedDict):
-    """What the confidence is computed from."""
+    """The values from which the confidence is computed."""
 
     num_common_tracks: float | None
     num_single_tracks: float | None
@@ -49,7 +49,7 @@ class EvidenceFields(TypedDict):
 
 
 class IntrinsicsFields(TypedDict):
-    """What the images show about the query's intrinsics."""
+    """The test of the query's intrinsics against the images."""
 
     origin: str
     verdict: str
@@ -59,7 +59,7 @@ class IntrinsicsFields(TypedDict):
 
 
 class PoseNoiseFields(TypedDict):
-    """The errors of database poses that were expected."""
+    """The expected errors of the database poses."""
 
     source: str
     num_pairs: int
@@ -80,7 +80,7 @@ class DepthMapFields(TypedDict):
 
 
 class DepthFields(TypedDict):
-    """What depth maps of database images contribute."""
+    """The use of depth maps of database images."""
 
     fixes: str
     num_points: int
@@ -88,7 +88,7 @@ class DepthFields(TypedDict):
 
 
 class PriorFields(TypedDict):
-    """What became of a position or a direction of gravity that the query was given."""
+    """How a position or a direction of gravity was used."""
 
     verdict: str
     fixes: str
@@ -97,14 +97,14 @@ class PriorFields(TypedDict):
 
 
 class PriorsFields(TypedDict):
-    """What became of what the query was given."""
+    """How the query's position and direction of gravity were used."""
 
     position: PriorFields | None
     gravity: PriorFields | None
 
 
 class RunnerUpFields(TypedDict):
-    """The most probable other explanation that has a pose."""
+    """The most probable alternative explanation, with its pose."""
 
     explanation: str
     odds: float | None
@@ -162,7 +162,7 @@ class ResultFields(TypedDict):
 
 
 class RiskCoverageFields(TypedDict):
-    """A minimum confidence, the share of queries that it accepts, and the share of wrong ones among these."""
+    """A minimum confidence, the share of queries that reach it, and the share of wrong poses among these queries."""
 
     confidence: float
     coverage: float
@@ -182,7 +182,7 @@ class LeaveOneOutPose(TypedDict):
 
 
 class LeaveOneOutFields(TypedDict):
-    """What leave_one_out.json holds."""
+    """The content of leave_one_out.json."""
 
     num_queries: int
     num_by_status: dict[str, int]

@@ -46,7 +46,8 @@ def find_results(path: Path) -> pathlib.Path:
 
 
 def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) -> dict[str, ResultFields]:
-    """Reads the results by query name, in the order of the file; `watch`: returns the lines that it is given."""
+    """Reads the results by query name, in the order of the file. `watch` may show progress: it yields the lines of a
+    file that is passed to it."""
     results: dict[str, ResultFields] = {}
     with open_text(path) as file:
         for line_number, line in enumerate(watch(file), start=1):
@@ -75,13 +76,13 @@ def read_geodetic(folder: Path) -> dict[str, list[float]]:
 
 
 def pose_of(result: ResultFields) -> Pose | None:
-    """Returns the query's pose; None if it was not localized, even if the result has a rotation or a pose of low
-    confidence."""
+    """Returns the pose of a localized query; None for other queries, even if they have a rotation or an unconfirmed
+    pose."""
     return to_pose(result["cam_from_world"]) if result["status"] == "LOCALIZED" else None
 
 
 def unconfirmed_pose_of(result: ResultFields) -> Pose | None:
-    """Returns the query's pose, even if its confidence is too low; None if the query has no pose."""
+    """Returns the query's pose, even if its status is LOW_CONFIDENCE; None if there is no pose."""
     return pose_of(result) or to_pose(result.get("unconfirmed_cam_from_world"))
 
 

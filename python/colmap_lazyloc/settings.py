@@ -11,7 +11,7 @@ from colmap_lazyloc.inputs import Option, Options
 
 
 def list_options() -> dict[str, str]:
-    """Returns the help of each option by its name on the command line, for example "LazyLocalizer.num_retrieved"."""
+    """Returns {name: help} of all options, with names as on the command line, such as "LazyLocalizer.num_retrieved"."""
     return {name: f"{text} (default: {default})" if default else text for name, default, text in core.settings()}
 
 
