@@ -18,9 +18,9 @@ HEADER = (
     + "|\n"
 )
 LEGEND = (
-    "Median: a lost query counts as an infinite error. Mean: of the localized ones. Ratio: geometric mean of "
-    f"position error / that of `{BASELINE}` on the queries that both localized, with its bootstrap interval over "
-    "queries. Shares within metres and degrees are of all queries.\n"
+    "In the median, a lost query counts as an infinite error. The mean is over the localized queries. The ratio is the "
+    f"position error divided by the error of `{BASELINE}`, as a geometric mean over the queries that both localized, "
+    "with its bootstrap interval over queries. The shares within metres and degrees are shares of all queries.\n"
 )
 
 
