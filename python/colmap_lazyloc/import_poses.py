@@ -155,7 +155,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--poses",
         type=pathlib.Path,
         metavar="FILE",
-        help="for panoramas: poses of the panoramas, in any of the formats; also writes a model of the perspective images",
+        help="for panoramas: poses of the panoramas, in any format; also writes a model of the perspective images",
     )
     add_source_options(add)
     add_accept_option(add)
