@@ -13,6 +13,7 @@ import pose_writers
 from colmap_lazyloc import import_poses
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera, read_model
+from colmap_lazyloc.pose_formats import geo
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.registry import find_format
 from colmap_lazyloc.project import options as run_options
@@ -129,6 +130,17 @@ def test_grid_in_feet_needs_a_system_of_the_heights(tmp_path):
         assert abs(height - metres) < 100  # between the sea and the ellipsoid
     with pytest.raises(InputError, match="EPSG:2232: is in the unit US survey foot, which leaves that of heights open"):
         read(path, crs="EPSG:2232")
+
+
+def test_missing_grid_of_the_geoid_is_a_line(caplog):
+    """Without it, PROJ leaves heights above the sea as they are."""
+    geo.find_crs.cache_clear()
+    crs = geo.find_crs("EPSG:25832+5773")
+    ((_, _, height),) = geo.to_geodetic(crs, np.array([[500_000.0, 5_400_000.0, 400.0]]))
+    assert ("no grid of the geoid (us_nga_egm96_15.tif" in caplog.text) == (height == 400.0)
+    caplog.clear()
+    geo.find_crs("EPSG:25832")
+    assert not caplog.text
 
 
 @pytest.mark.parametrize("write", [pose_writers.csv_angles, pose_writers.pix4d])

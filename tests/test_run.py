@@ -26,6 +26,7 @@ from colmap_lazyloc.project import colmap_runner, steps
 from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
 from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
+from colmap_lazyloc.serve.map import Source
 
 MAX_POSITION_ERROR = 0.05  # in a courtyard of 20 m
 ORIGIN = GeoOrigin(47.3, 8.5, 430.0)
@@ -121,6 +122,12 @@ def test_features_of_many_database_images_are_extracted_when_a_query_needs_them(
     with DatabaseReader(output / "database.db") as database:
         assert database.image_ids == {name: index for index, name in enumerate(photos.database_names, start=1)}
         assert not any(database.has_keypoints(name) for name in photos.database_names)
+    settings = dict(
+        zip([word.removeprefix("--") for word in photo_scene.SIFT[::2]], photo_scene.SIFT[1::2], strict=True)
+    )
+    with Source(output, None, settings).open().localizer as service:
+        result = service.localize_photo(photos.image_path / photos.query_names[0])
+        assert result.is_localized and result.pose.errors(photos.poses[photos.query_names[0]])[0] < MAX_POSITION_ERROR
     found = {path: path.read_bytes() for path in (output / "localized").rglob("*.bin")}
     run(photos.model_path, *few, "--complete", "1")
     err = capsys.readouterr().err

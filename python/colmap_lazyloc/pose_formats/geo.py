@@ -5,12 +5,13 @@ import functools
 import json
 import math
 import pathlib
+import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 
 FILE_NAME = "geo.json"
 WGS84_3D = "EPSG:4979"
@@ -110,7 +111,29 @@ def find_crs(text: str) -> Any:
             f"--crs {text[:40]}: is in the unit {axes[0].unit_name}, which leaves that of heights open: name the "
             "system of the heights, too, such as EPSG:2232+6360 (NAVD88 in feet) or EPSG:2232+5703 (in metres)"
         )
+    missing = _missing_geoids(crs) if crs.is_compound else []
+    if missing:
+        logger.warning(
+            "--crs %s: heights above the sea are used as heights above the ellipsoid, up to 100 m off, because PROJ "
+            "has no grid of the geoid (%s; pyproj sync --file %s fetches it)",
+            text[:40],
+            missing[0],
+            missing[0],
+        )
     return crs
+
+
+def _missing_geoids(crs: Any) -> list[str]:
+    """Returns the grids that PROJ needs for heights of a reference system, if it has none of them."""
+    import pyproj
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pyproj's own line on these grids
+        group = pyproj.transformer.TransformerGroup(crs, WGS84_3D, always_xy=True)
+    if group.best_available:
+        return []
+    grids = [grid for operation in group.unavailable_operations for grid in operation.grids]
+    return [grid.short_name for grid in grids if not grid.available]
 
 
 def to_geodetic(crs: Any, points: Array) -> Array:

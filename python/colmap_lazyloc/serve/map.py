@@ -5,10 +5,13 @@ import os
 import pathlib
 from collections.abc import Mapping
 
+from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.localizer import Localizer
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.results import find_run
+
+ON_DEMAND = "LazyLocalizer.Advanced.on_demand"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,14 +40,16 @@ class Source:
     def open(self) -> Map:
         """Opens the model and the database as they are now; raises InputError if that is impossible."""
         project, settings, model = find_run(self.folder).project, dict(self.settings), self.model
-        if project is not None:  # made by lazyloc run, with its photos and perhaps an index
-            settings.setdefault("image_path", str(project.images))
-            if project.index.exists():
-                settings.setdefault("retrieval_index_path", str(project.index))
         database = self.database or model.resolve().parent / "database.db"
         if not database.exists():
             hint = "does not exist" if self.database else "does not exist: name the database with --database_path"
             raise InputError(f"{database}: {hint}")
+        if project is not None:  # made by lazyloc run, with its photos, perhaps an index, and perhaps no features yet
+            settings.setdefault("image_path", str(project.images))
+            if project.index.exists():
+                settings.setdefault("retrieval_index_path", str(project.index))
+            with DatabaseReader(database) as reader:
+                settings.setdefault(ON_DEMAND, str(int(reader.num_descriptors() == 0)))
         return Map(Localizer(database, model, options=settings), GeoOrigin.read(model))
 
     def stamp(self) -> list[tuple[str | int, ...]]:
