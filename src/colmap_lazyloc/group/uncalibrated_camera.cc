@@ -105,6 +105,8 @@ IntrinsicsDistribution JointCorrections(const IntrinsicsInformation& information
   return Mix(cases);
 }
 
+Camera WithAllCorrections(const Camera& camera) { return AsOpenCv(camera); }
+
 IntrinsicsCorrections CorrectionsBetween(const Camera& given, const Camera& corrected) {
   IntrinsicsCorrections corrections = IntrinsicsCorrections::Zero();
   corrections[LOG_FOCAL_FACTOR] = std::log(MeanFocalLength(corrected) / MeanFocalLength(given));

@@ -42,6 +42,8 @@ struct IntrinsicsDistribution {
 IntrinsicsDistribution JointCorrections(const IntrinsicsInformation& information, const Camera& camera,
                                         IntrinsicsOrigin origin);
 
+// Returns a camera of COLMAP's default models in a model that has all corrections; other cameras as they are.
+Camera WithAllCorrections(const Camera& camera);
 // Returns the corrections that make one camera another one of the same model.
 IntrinsicsCorrections CorrectionsBetween(const Camera& given, const Camera& corrected);
 // Returns the camera with the corrections that its model has.

@@ -5,7 +5,6 @@
 #include <optional>
 #include <utility>
 
-#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/group/uncalibrated_camera.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/pipeline/solve_group.h"
@@ -71,11 +70,11 @@ double CornerDisplacementPx(const IntrinsicsCorrections& corrections, const Came
 std::optional<SharedCamera> EstimateSharedCamera(const Queries& queries, const LocalizerOptions& options,
                                                  IdleThreads* idle_threads) {
   const LocalizationProblem& first = ProblemOf(*queries.front());
-  const Camera given = AsOpenCv(first.query_camera);
+  const Camera given = WithAllCorrections(first.query_camera);
   const CalibrationQuery& best = **std::min_element(
       queries.begin(), queries.end(),
       [](const CalibrationQuery* a, const CalibrationQuery* b) { return a->log_focal_stddev < b->log_focal_stddev; });
-  SharedCamera shared{first.query_camera, AsOpenCv(best.estimate)};
+  SharedCamera shared{first.query_camera, WithAllCorrections(best.estimate)};
   for (int step = 0; step < kMaxNumSteps; ++step) {
     std::vector<std::optional<IntrinsicsInformation>> of_queries(queries.size());
     ParallelFor(
