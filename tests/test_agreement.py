@@ -18,9 +18,10 @@ from benchmarks.corrupted_poses import (
     shifted,
     turned_photos,
 )
+from colmap_lazyloc.agreement import relative
 from colmap_lazyloc.agreement.check import describe, judge
 from colmap_lazyloc.agreement.contradictions import contradicted_images
-from colmap_lazyloc.agreement.explain import Fit
+from colmap_lazyloc.agreement.explain import EXACT_PX, Fit
 from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.agreement.turned import images_of_second_poses
@@ -275,3 +276,28 @@ def test_displaced_images_are_named_and_no_others(scene):
     matches = Matches.of(scene.pairs)
     errors = medians_by_pair(matches, errors_px(matches, displaced.poses, displaced.poses))
     assert sorted(contradicted_images([(pair.first, pair.second) for pair in scene.pairs], errors)) == [5, 20]
+
+
+def test_images_are_named_if_half_of_the_pairs_are_off():
+    pairs = list(itertools.combinations(range(10), 2))
+    wrong = {2, 5, 7}
+    errors = np.array([15.0 if wrong.intersection(pair) else 0.2 for pair in pairs])
+    assert np.median(errors) == 15
+    assert set(contradicted_images(pairs, errors)) == wrong
+
+
+def test_relative_poses_are_estimated_only_if_matches_do_not_fit(scene, monkeypatch):
+    estimated = []
+
+    def estimate(pair):
+        estimated.append(pair)
+        return original(pair)
+
+    original = relative._estimate
+    monkeypatch.setattr(relative, "_estimate", estimate)
+    right = explain_scene(scene)
+    matches = Matches.of(scene.pairs)
+    errors = medians_by_pair(matches, errors_px(matches, scene.poses, scene.poses))
+    assert right.given.agrees and len(estimated) == np.count_nonzero(errors > EXACT_PX) < len(scene.pairs) / 2
+    wrong = explain_scene(CORRUPTIONS["OpenGL's axes"][0](scene))
+    assert wrong.reading is not None and len(estimated) > len(scene.pairs)

@@ -15,6 +15,7 @@ from colmap_lazyloc.agreement.photo_pairs import pairs_of_photos
 from colmap_lazyloc.model import Camera, Image, read_model, write_model
 from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
+from colmap_lazyloc.poses import Pose
 from conftest import DATA_PATH
 
 SCENES = ("herzjesu", "skull", "headset")
@@ -166,3 +167,20 @@ def test_no_more_photos_are_matched_than_are_used(monkeypatch):
     monkeypatch.setattr(photo_pairs, "NUM_AT_ONCE", photo_pairs.NUM_RANDOM)
     every = [(pair.first, pair.second) for pair in read_scene(DATA_PATH / "herzjesu", by_photos=True).pairs]
     assert some == every and 2 * num_tried < len(tried)
+
+
+@pytest.mark.parametrize(
+    ("num_coarse", "details"), [(8, [photo_pairs.COARSE]), (7, [photo_pairs.COARSE, photo_pairs.FINE])]
+)
+def test_photos_are_seen_with_more_pixels_if_few_pairs_match(num_coarse, details, monkeypatch, tmp_path):
+    used = []
+
+    def find_pairs(folder, images, masks, near, seen, detail):
+        used.append(detail)
+        return [None] * (num_coarse if detail == photo_pairs.COARSE else 15)
+
+    monkeypatch.setattr(photo_pairs, "_find_pairs", find_pairs)
+    camera = Camera("PINHOLE", 640, 480, (500.0, 500.0, 320.0, 240.0))
+    images = [PosedImage(f"{index}.jpg", camera, Pose.from_centre(np.eye(3), [index, 0, 0])) for index in range(6)]
+    assert len(pairs_of_photos(tmp_path, images)) == (num_coarse if len(details) == 1 else 15)
+    assert used == details

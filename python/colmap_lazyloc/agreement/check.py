@@ -93,7 +93,7 @@ def judge(
     pairs: Sequence[MatchedPair], images: Sequence[PosedImage], convention: Convention, is_metric: bool
 ) -> Judgement | None:
     """Compares the poses of images with pairs of these; the first of them must be the best to look at."""
-    poses = poses_of(images)
+    poses = Poses.of(images)
     explanation = explain(pairs[:MAX_NUM_PAIRS], [image.name for image in images], poses, convention)
     if explanation is None:
         return None
@@ -116,34 +116,28 @@ def judge(
     return Judgement(line, is_wrong, options, [images[index].name for index in contradicted])
 
 
-def poses_of(images: Sequence[PosedImage]) -> Poses:
-    """Returns the poses of images as arrays."""
-    poses = [image.cam_from_world for image in images]
-    rotations = np.array([pose.rotation for pose in poses]).reshape(-1, 3, 3)
-    return Poses(rotations, np.array([pose.cam_in_world for pose in poses]).reshape(-1, 3))
-
-
 def describe(explanation: Explanation, unit: str, turned: str = "") -> str:
     """Returns one line; `unit`: that of the poses; `turned`: the images that are, if some are."""
     given, reading, mended = explanation.given, explanation.reading, explanation.mended
     agreeing = f"{given.num_agreeing} of {len(given.px)} pairs"
-    errors = f"{np.nanmedian(given.rotation_deg):.1f} degrees and {explanation.position_error:.2g} {unit} in the median"
     if reading is not None and mended is not None:
         after = f"{mended.num_agreeing} of {np.count_nonzero(np.isfinite(mended.px))} do"
         if not mended.agrees:
             after = f"they do within {np.nanmedian(mended.rotation_deg):.1f} degrees"
         title = f"{reading.title} ({turned})" if turned else reading.title
         return f"the poses do not fit the photos: {agreeing} agree; as poses {title}, {after}: {reading.remedy}"
+    if given.agrees:
+        px = float(np.median(given.px))
+        degrees = np.degrees(px / np.median([pair.focal_px for pair in explanation.pairs]))
+        return f"poses agree with the photos: {agreeing}, median {px:.1f} px, {degrees:.2f} degrees"
+    turned_deg = float(np.nanmedian(given.rotation_deg))
+    errors = f"{turned_deg:.1f} degrees and {explanation.position_error:.2g} {unit} in the median"
     if explanation.is_hopeless:
         return (
             f"the poses do not fit the photos: {agreeing} agree, and relative poses are off by {errors}, as those of "
             "other photos would be: give the poses of these photos"
         )
-    if given.agrees:
-        px = float(np.median(given.px))
-        degrees = np.degrees(px / np.median([pair.focal_px for pair in explanation.pairs]))
-        return f"poses agree with the photos: {agreeing}, median {px:.1f} px, {degrees:.2f} degrees"
-    is_rough = np.nanmedian(given.rotation_deg) > MAX_ROTATION_DEG
+    is_rough = turned_deg > MAX_ROTATION_DEG
     verdict = (
         "poses agree with the photos only roughly" if is_rough else "poses agree with the photos within their errors"
     )

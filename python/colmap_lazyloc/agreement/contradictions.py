@@ -8,7 +8,8 @@ from colmap_lazyloc.array_types import Floats
 
 MIN_NUM_PAIRS = 2  # that contradict an image
 MIN_SHARE = 0.6  # of an image's pairs
-MIN_PX, TYPICAL_RATIO = 1.5, 8.0  # errors of a pair that disagrees: in pixels, and over the median one
+# Errors of a pair that disagrees: in pixels, and over the lower quartile, because wrong poses may move the median.
+MIN_PX, QUARTILE_RATIO = 1.5, 12.5
 
 
 def contradicted_images(pairs: Sequence[tuple[int, int]], px: Floats) -> list[int]:
@@ -17,7 +18,7 @@ def contradicted_images(pairs: Sequence[tuple[int, int]], px: Floats) -> list[in
     `px`: the errors of the pairs in pixels.
     """
     rows = np.array(pairs, int).reshape(-1, 2)
-    disagrees = px > max(MIN_PX, TYPICAL_RATIO * float(np.median(px)) if len(px) else 0.0)
+    disagrees = px > max(MIN_PX, QUARTILE_RATIO * float(np.percentile(px, 25)) if len(px) else 0.0)
     found: list[int] = []
     is_left = np.ones(len(rows), bool)
     # The image with the most pairs that disagree comes first; without its pairs, its neighbours are no longer suspect.

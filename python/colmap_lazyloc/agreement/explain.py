@@ -45,7 +45,7 @@ MAX_UPPER_ROTATION_DEG = 60.0  # of a quarter of the pairs
 @dataclasses.dataclass(frozen=True, eq=False)
 class Fit:
     """How far each pair is from fitting poses: the median of its matches in pixels, and its relative rotation in
-    degrees. NaN where an image has no pose, or the matches determine no rotation."""
+    degrees. NaN where an image has no pose, or the matches determine no rotation or were not asked for one."""
 
     px: Floats
     rotation_deg: Floats
@@ -110,7 +110,7 @@ class _Evidence:
     def fit(self, variants: Sequence[Poses]) -> Fit:
         """Compares poses; of several variants, each pair takes those that fit it best."""
         combinations = [(first, second) for first in variants for second in variants]
-        px = [medians_by_pair(self.matches, errors_px(self.matches, *both)) for both in combinations]
+        px = [_errors(self.matches, *both) for both in combinations]
         return Fit(np.min(px, axis=0), self.rotation_errors_deg(variants))
 
     def rotation_errors_deg(self, variants: Sequence[Poses]) -> Floats:
@@ -139,6 +139,11 @@ class _Evidence:
         return dataclasses.replace(self, matches=Matches.of(self.matches.pairs, NUM_QUICK_MATCHES))
 
 
+def _errors(matches: Matches, first: Poses, second: Poses) -> Floats:
+    """Returns the median error of each pair in pixels."""
+    return medians_by_pair(matches, errors_px(matches, first, second))
+
+
 def explain(
     pairs: Sequence[MatchedPair], names: Sequence[str], poses: Poses, convention: Convention
 ) -> Explanation | None:
@@ -150,15 +155,18 @@ def explain(
         dataclasses.replace(pair, first=int(first), second=int(second))
         for pair, (first, second) in zip(pairs, places.reshape(-1, 2))
     ]
-    evidence = _Evidence(Matches.of(local), RelativePoses.of(local), poses, used)
-    own = poses.take(used)
+    matches, own = Matches.of(local), poses.take(used)
+    # Estimating relative poses takes time, and those of pairs whose matches fit the given poses mean nothing.
+    evidence = _Evidence(matches, RelativePoses.of(local, _errors(matches, own, own) > EXACT_PX), poses, used)
     given = evidence.fit([own])
+    if given.needs_explanation or not given.agrees:
+        evidence = dataclasses.replace(evidence, relative=RelativePoses.of(local))
+        given = evidence.fit([own])
     reading, mended = _find_reading(evidence, given, all_readings(names, convention))
     if reading is None and not given.agrees:
         reading, mended = _find_focal_length(evidence, own, given)
     is_hopeless = reading is None and _is_hopeless(evidence, [own], given)
-    position_error = float(np.median(evidence.relative.position_errors(own)))
-    return Explanation(pairs, given, reading, mended, is_hopeless, position_error)
+    return Explanation(pairs, given, reading, mended, is_hopeless, evidence.relative.position_error(own))
 
 
 def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) -> tuple[Reading | None, Fit | None]:

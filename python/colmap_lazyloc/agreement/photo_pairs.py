@@ -3,6 +3,7 @@
 import concurrent.futures
 import dataclasses
 import itertools
+import math
 import pathlib
 from collections.abc import Iterable, Sequence
 
@@ -16,7 +17,9 @@ from colmap_lazyloc.agreement.pairs import (
     focal_length_px,
     rays_of,
 )
+from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px
 from colmap_lazyloc.array_types import Array, Floats
+from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.naming import natural_order
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
@@ -26,13 +29,15 @@ NUM_FOLLOWING = 2  # photos after one that are its neighbours by name
 NUM_NEAREST = 2  # photos that are its neighbours by the given poses
 NUM_RANDOM = 120  # further pairs that are tried
 NUM_AT_ONCE = 10  # of these
-MAX_SIZE_PX = 640  # of a photo, to which larger ones are reduced
-MAX_NUM_FEATURES = 800
+# How many pixels larger photos are reduced to, and features: first, and if too few pairs match so.
+COARSE, FINE = (150_000, 600), (300_000, 800)
+NUM_ENOUGH = 40  # pairs
 MIN_DISPLACEMENT_PX = 2.0  # of a match in the reduced photo: what does not move is a bonnet, a time stamp, a watermark
 MAX_RATIO = 0.8  # of distances to the best and the second-best match
 MAX_NUM_TRIALS = 500  # of RANSAC
 MAX_SHAPE = 0.02  # by which the aspect ratio of a photo may differ from that of its camera
 MAX_ERROR_PX = 3.0  # from epipolar lines, in the reduced photo
+CERTAIN_PX = 0.6  # median error of unverified matches below which the given poses are right for them
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -51,20 +56,35 @@ def pairs_of_photos(
 
     `masks`: folder of masks, NAME.png for the photo NAME, black where features are not wanted.
     """
+    near = _neighbours(images)
+    seen = sorted({index for pair in near for index in pair})
+    coarse = _find_pairs(folder, images, masks, near, seen, COARSE)
+    is_enough = len(coarse) >= min(NUM_ENOUGH, math.comb(len(seen), 2) / 2)
+    return coarse if is_enough else _find_pairs(folder, images, masks, near, seen, FINE)
+
+
+def _find_pairs(
+    folder: pathlib.Path,
+    images: Sequence[PosedImage],
+    masks: pathlib.Path | None,
+    near: Sequence[tuple[int, int]],
+    seen: Sequence[int],
+    detail: tuple[int, int],
+) -> list[MatchedPair]:
+    """Matches the near pairs and others of the seen photos; `detail`: the numbers of pixels and of features."""
+    poses = Poses.of(images)
 
     def extract(index: int) -> Features | None:
         name = images[index].name
-        return _extract(folder / name, images[index], None if masks is None else masks / f"{name}.png")
+        return _extract(folder / name, images[index], None if masks is None else masks / f"{name}.png", *detail)
 
-    near = _neighbours(images)
-    seen = sorted({index for pair in near for index in pair})
     with concurrent.futures.ThreadPoolExecutor(NUM_THREADS) as pool:
         features = dict(zip(seen, pool.map(extract, seen)))
         others = sorted(set(itertools.combinations(seen, 2)).difference(near))
         order = np.random.default_rng(SEED).permutation(len(others))[:NUM_RANDOM]
 
         def match(tried: Iterable[tuple[int, int]]) -> list[MatchedPair]:
-            found = pool.map(lambda pair: _match(images, features, *pair), tried)
+            found = pool.map(lambda pair: _match(images, poses, features, *pair), tried)
             return [pair for pair in found if pair is not None]
 
         neighbours, distant = match(near), list[MatchedPair]()
@@ -93,18 +113,20 @@ def _neighbours(images: Sequence[PosedImage]) -> list[tuple[int, int]]:
     return list(pairs)
 
 
-def _extract(path: pathlib.Path, image: PosedImage, mask_path: pathlib.Path | None) -> Features | None:
+def _extract(
+    path: pathlib.Path, image: PosedImage, mask_path: pathlib.Path | None, max_num_px: int, max_num_features: int
+) -> Features | None:
     """Returns the features of a photo; None if it cannot be read or is not of its camera's shape."""
     import cv2
 
     camera = image.camera
-    photo = _read(path, max(camera.width, camera.height))
+    photo = _read(path, camera.width * camera.height / max_num_px)
     if photo is None or abs(photo.shape[1] * camera.height - photo.shape[0] * camera.width) > MAX_SHAPE * photo.size:
         return None
-    factor = min(1.0, MAX_SIZE_PX / max(photo.shape))
+    factor = min(1.0, (max_num_px / photo.size) ** 0.5)
     if factor < 1:
         photo = cv2.resize(photo, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-    keypoints, descriptors = cv2.SIFT.create(MAX_NUM_FEATURES).detectAndCompute(photo, np.empty(0, np.uint8))
+    keypoints, descriptors = cv2.SIFT.create(max_num_features).detectAndCompute(photo, np.empty(0, np.uint8))
     if descriptors is None:
         return None
     xy = np.array(cv2.KeyPoint.convert(keypoints), float)
@@ -122,11 +144,11 @@ def _extract(path: pathlib.Path, image: PosedImage, mask_path: pathlib.Path | No
     return Features((xy + 0.5) * scales, roots, scales[0])
 
 
-def _read(path: pathlib.Path, size: int) -> Array | None:
-    """Returns a grey picture, reduced if it is large (`size`: of the longer side); None if it cannot be read."""
+def _read(path: pathlib.Path, ratio: float) -> Array | None:
+    """Returns a grey picture, reduced if it is large; None if it cannot be read. `ratio`: pixels over those needed."""
     import cv2
 
-    flag = next((flag for factor, flag in _REDUCED if size >= factor * MAX_SIZE_PX), "IMREAD_GRAYSCALE")
+    flag = next((flag for factor, flag in _REDUCED if ratio >= factor**2), "IMREAD_GRAYSCALE")
     try:
         data = np.fromfile(path, np.uint8)  # names that are not ASCII
         return cv2.imdecode(data, getattr(cv2, flag) | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
@@ -138,11 +160,9 @@ _REDUCED = ((8, "IMREAD_REDUCED_GRAYSCALE_8"), (4, "IMREAD_REDUCED_GRAYSCALE_4")
 
 
 def _match(
-    images: Sequence[PosedImage], features: dict[int, Features | None], first: int, second: int
+    images: Sequence[PosedImage], poses: Poses, features: dict[int, Features | None], first: int, second: int
 ) -> MatchedPair | None:
-    """Returns the matches of two photos that fit a fundamental matrix; None if they are too few."""
-    import cv2
-
+    """Returns the matches of two photos that fit the given poses or a fundamental matrix; None if they are too few."""
     one, other = features[first], features[second]
     if one is None or other is None:
         return None
@@ -152,27 +172,49 @@ def _match(
     if len(good) < MIN_NUM_MATCHES:
         return None
     cameras = images[first].camera, images[second].camera
-    points = one.points[good[:, 0]], other.points[good[:, 1]]
+    points, scale = (one.points[good[:, 0]], other.points[good[:, 1]]), max(one.scale, other.scale)
+
+    def pair_of(chosen: Array) -> MatchedPair:
+        pair = MatchedPair.of((first, second), cameras, (points[0][chosen], points[1][chosen]))
+        # Keypoints are as exact as the pixels that were seen.
+        return dataclasses.replace(pair, focal_px=pair.focal_px / scale)
+
+    fitting = _fitting(pair_of(np.arange(len(good))), poses)
+    if len(fitting.rays1) >= MIN_NUM_MATCHES:
+        return fitting
+    inliers = _inliers(cameras, points, MAX_ERROR_PX * scale)
+    return pair_of(inliers) if len(inliers) >= MIN_NUM_MATCHES else None
+
+
+def _fitting(pair: MatchedPair, poses: Poses) -> MatchedPair:
+    """Returns the matches that fit the given poses if most do to a fraction of a pixel, which right poses alone make
+    possible; none if they do not."""
+    px = errors_px(Matches.of([pair]), poses, poses)
+    chosen = (px <= MAX_ERROR_PX) & (len(px) > 0 and np.median(px) <= CERTAIN_PX)
+    return dataclasses.replace(pair, rays1=pair.rays1[chosen], rays2=pair.rays2[chosen])
+
+
+def _inliers(cameras: tuple[Camera, Camera], points: tuple[Array, Array], max_error_px: float) -> Array:
+    """Returns the indices of the matches that fit a fundamental matrix."""
+    import cv2
+
     focal_px = min(map(focal_length_px, cameras))
     flat = [focal_px * _without_distortion(rays_of(camera, part)) for camera, part in zip(cameras, points)]
-    known = np.flatnonzero(np.isfinite(flat[0]).all(axis=1) & np.isfinite(flat[1]).all(axis=1))
+    known: Array = np.flatnonzero(np.isfinite(flat[0]).all(axis=1) & np.isfinite(flat[1]).all(axis=1))
     if len(known) < MIN_NUM_MATCHES:
-        return None
-    threshold_px = MAX_ERROR_PX * max(one.scale, other.scale)
+        return known
     cv2.setRNGSeed(SEED)
     # A fundamental matrix needs no focal length, which may be what is wrong.
-    _, mask = cv2.findFundamentalMat(flat[0][known], flat[1][known], cv2.FM_RANSAC, threshold_px, 0.999, MAX_NUM_TRIALS)
-    inliers = known[mask.ravel() > 0] if mask is not None else known[:0]
-    if len(inliers) < MIN_NUM_MATCHES:
-        return None
-    pair = MatchedPair.of((first, second), cameras, (points[0][inliers], points[1][inliers]))
-    # Keypoints are as exact as the pixels that were seen.
-    return dataclasses.replace(pair, focal_px=pair.focal_px / max(one.scale, other.scale))
+    _, mask = cv2.findFundamentalMat(flat[0][known], flat[1][known], cv2.FM_RANSAC, max_error_px, 0.999, MAX_NUM_TRIALS)
+    return known[mask.ravel() > 0] if mask is not None else known[:0]
 
 
 def _match_descriptors(one: Array, other: Array) -> Array:
     """Returns mutual nearest neighbours that are clearly nearer than the second nearest, m x 2."""
-    products = one @ other.T
+    import cv2
+
+    # numpy's threads would wait for each other ten times as long as they compute.
+    products = cv2.gemm(one, other, 1, np.empty(0), 0, flags=cv2.GEMM_2_T)
     best = products.argmax(axis=1)
     rows = np.arange(len(one))
     nearest = np.arccos(np.minimum(products[rows, best], 1))

@@ -7,6 +7,7 @@ import numpy as np
 
 from colmap_lazyloc.agreement.pairs import MatchedPair, scale_rays
 from colmap_lazyloc.array_types import Array, Floats
+from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -17,6 +18,12 @@ class Poses:
     rotations: Floats
     centres: Floats
     focal_factor: float = 1.0
+
+    @staticmethod
+    def of(images: Sequence[PosedImage]) -> "Poses":
+        poses = [image.cam_from_world for image in images]
+        rotations = np.array([pose.rotation for pose in poses]).reshape(-1, 3, 3)
+        return Poses(rotations, np.array([pose.cam_in_world for pose in poses]).reshape(-1, 3))
 
     def take(self, indices: Array) -> "Poses":
         """Returns the poses of some images."""

@@ -14,6 +14,8 @@ MIN_NUM_DIRECTIONS = 6
 MIN_SINGULAR_RATIO = 1e-3  # directions along one line do not determine a turn about it
 NUM_REWEIGHTINGS = 20
 ROBUST_RAD = 0.005  # of directions, below which all are as good
+MIN_NUM_IN_FRONT = 8  # rays that meet in front of both cameras
+MAX_DEPTH = 50.0  # in distances of the two cameras
 MIN_FORWARD = 0.1  # of a ray's z: rays far to the side have no place on a plane
 
 
@@ -28,8 +30,10 @@ class RelativePoses:
     directions: Floats
 
     @staticmethod
-    def of(pairs: Sequence[MatchedPair]) -> "RelativePoses":
-        found = [_estimate(pair) for pair in pairs]
+    def of(pairs: Sequence[MatchedPair], is_wanted: Array | None = None) -> "RelativePoses":
+        """Estimates those of the pairs, or of some of them: the others are NaN."""
+        wanted = np.ones(len(pairs), bool) if is_wanted is None else is_wanted
+        found = [_estimate(pair) if is_one else _nothing() for pair, is_one in zip(pairs, wanted)]
         return RelativePoses(
             np.array([pair.first for pair in pairs], int),
             np.array([pair.second for pair in pairs], int),
@@ -56,13 +60,14 @@ class RelativePoses:
         angles: Floats = np.degrees(np.arctan2(sines, np.sum(given * self.directions, axis=1)))
         return angles
 
-    def position_errors(self, poses: Poses) -> Floats:
-        """Returns the distances of second cameras from the measured lines through first ones, where there is one."""
+    def position_error(self, poses: Poses) -> float:
+        """Returns the distance of a second camera from the measured line through the first one, in the median of the
+        pairs; NaN if no line is known."""
         lengths, angles = self.lengths(poses, poses), self.direction_errors_deg(poses, poses)
         # A camera that lies behind is as far off as its distance.
         distances = lengths * np.sin(np.radians(np.minimum(angles, 90)))
-        errors: Floats = distances[np.isfinite(distances)]
-        return errors
+        known = distances[np.isfinite(distances)]
+        return float(np.median(known)) if len(known) else np.nan
 
     def turn_of_world(self, poses: Poses) -> Floats | None:
         """Returns the rotation that turns the measured directions, in the world of the poses' rotations, onto those
@@ -86,20 +91,35 @@ class RelativePoses:
         return turn
 
 
+def _nothing() -> tuple[Floats, Floats]:
+    return np.full((3, 3), np.nan), np.full(3, np.nan)
+
+
 def _estimate(pair: MatchedPair) -> tuple[Floats, Floats]:
     import cv2
 
-    nothing = np.full((3, 3), np.nan), np.full(3, np.nan)
     is_forward = (pair.rays1[:, 2] > MIN_FORWARD) & (pair.rays2[:, 2] > MIN_FORWARD)
     points1, points2 = (rays[is_forward, :2] / rays[is_forward, 2:] for rays in (pair.rays1, pair.rays2))
     if len(points1) < 8:
-        return nothing
+        return _nothing()
     cv2.setRNGSeed(0)
     essential, mask = cv2.findEssentialMat(points1, points2, np.eye(3), cv2.RANSAC, 0.999, MAX_ERROR_PX / pair.focal_px)
     if essential is None or essential.shape != (3, 3):
-        return nothing
-    count, rotation, translation, _ = cv2.recoverPose(essential, points1, points2, np.eye(3), mask=mask)
-    if count < 8:
-        return nothing
-    turn = np.array(rotation, float)
-    return turn, -turn.T @ np.array(translation, float)[:, 0]
+        return _nothing()
+    is_inlier = mask.ravel() > 0
+    rays1, rays2 = pair.rays1[is_forward][is_inlier], pair.rays2[is_forward][is_inlier]
+    first, second, translation = (np.array(part, float) for part in cv2.decomposeEssentialMat(essential))
+    shifts = translation[:, 0], -translation[:, 0]
+    candidates = [(turn, -turn.T @ shift) for turn in (first, second) for shift in shifts]
+    counts = [_count_in_front(*candidate, rays1, rays2) for candidate in candidates]
+    return candidates[int(np.argmax(counts))] if max(counts) >= MIN_NUM_IN_FRONT else _nothing()
+
+
+def _count_in_front(rotation: Floats, direction: Floats, rays1: Floats, rays2: Floats) -> int:
+    """Returns how many rays meet in front of both cameras, and not too far off. OpenCV's recoverPose takes 50 times as
+    long to find the same."""
+    turned = rays2 @ rotation
+    across = np.cross(rays1, turned)
+    squares = np.maximum(np.sum(across**2, axis=1), np.finfo(float).tiny)
+    depths = np.stack([np.sum(np.cross(direction, rays) * across, axis=1) / squares for rays in (turned, rays1)])
+    return int(np.count_nonzero(np.all((depths > 0) & (depths < MAX_DEPTH), axis=0)))
