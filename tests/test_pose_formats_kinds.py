@@ -208,7 +208,7 @@ def test_model_keeps_every_bit(tmp_path):
         ("cameras.sfm", '{"version": ["1"], "views": [], "intrinsics": [], "poses": []}', "Meshroom: export"),
         ("17.json", '{"t_00": 1, "fx": 500, "timestamp": 1}', "keyframe of Polycam: give the folder"),
         ("a.xmp", "<x:xmpmeta xmlns:x='adobe:ns:meta/'/>", "an XMP file without a pose"),
-        ("geo.txt", "EPSG:4326\na.jpg 8.5 47.3\n", "positions of OpenDroneMap"),
+        ("geo.txt", "EPSG:4326\na.jpg 8.5 47.3\n", "has positions without rotations"),
         ("geo.txt", "EPSG:4326\na.jpg 8.5 47.3 408.0\n", "has positions without rotations"),
         ("a.txt", "+proj=utm +zone=32\na.jpg 8.5 47.3 408.0\n", "has positions without rotations"),
         ("a.csv", "name,lat,lon,alt\na.jpg,47.3,8.5,408\n", "has positions without rotations.*lazyloc run --poses"),
@@ -775,6 +775,15 @@ def test_placeholders_in_exif(tmp_path, capsys):
     assert [line[0] for line in lines] == ["a.jpg", "accuracy.jpg", "altitude.jpg", "far.jpg"]
     assert all(line[4:] == ["5", "5", "50"] and abs(float(line[3])) < 1e-6 for line in lines)
     assert "2 of 6 photos have no GPS" in capsys.readouterr().err
+
+
+def test_photos_on_both_sides_of_180_degrees(tmp_path):
+    write_gps(tmp_path / "photos" / "east.jpg", f4=(179, 59, 59.5))
+    write_gps(tmp_path / "photos" / "west.jpg", f3="W", f4=(179, 59, 59.5))
+    path = tmp_path / "gps.txt"
+    assert import_poses.main(["exif", str(tmp_path / "photos"), "--output_path", str(path)]) == 0
+    assert all(abs(float(line.split()[1])) < 11 for line in path.read_text().splitlines())
+    assert abs(GeoOrigin.read(tmp_path).longitude_deg) == pytest.approx(180)
 
 
 def test_what_is_left_out_is_one_line(tmp_path, capsys):

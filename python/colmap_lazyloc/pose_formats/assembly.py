@@ -2,8 +2,8 @@
 
 import dataclasses
 import functools
-from collections.abc import Hashable, Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,7 @@ MAX_DEGREES = 0.2  # that photos of a place are apart
 FAR_RATIO, HIGH_RATIO = 20, 10  # of their distance from 0, and of their heights in metres, to this
 MAX_REPEATED_ERROR = 1e-9  # of the numbers of two poses that are the same
 
+T = TypeVar("T")
 Poses = dict[int, Pose]  # by index in the file
 
 
@@ -48,23 +49,12 @@ def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImag
         if source.camera_axes is not None:
             raise InputError(f"--camera_axes {source.camera_axes}: --calibration says how the camera is mounted")
         convention = dataclasses.replace(convention, camera_axes="opencv")  # leaves the body's axes as they are
-    raw, poses, left_out = _without_repeated(raw, convention)
-    if not frame.is_geographic:
-        _warn_of_degrees(poses, source)
-    poses, origin = _to_local(poses, frame, source.origin, left_out)
-    found = associate(raw.poses, source) if poses else Association({})
-    left_out |= found.ambiguous
-    images = []
-    for name, (first, second, weight) in sorted(found.places.items()):
-        if first not in poses or second not in poses:
-            continue
-        try:
-            pose = _between(poses[first], poses[second], weight)
-            own = camera or _camera(raw.poses[first], name, source)
-            images.append(_checked(PosedImage(name, own, pose if cam_from_body is None else cam_from_body @ pose)))
-        except DAMAGE as error:
-            left_out[first] = reason_of(error)
-    _report(raw, found, left_out, bool(images), source)
+
+    def make_image(name: str, item: RawPose, pose: Pose) -> PosedImage:
+        own = camera or _camera(item, name, source)
+        return _checked(PosedImage(name, own, pose if cam_from_body is None else cam_from_body @ pose))
+
+    images, origin = _assemble(raw, convention, frame, source, make_image)
     return PosedImages(images, origin, convention)
 
 
@@ -72,18 +62,36 @@ def assemble_positions(raw: RawPoses, source: Source) -> Positions:
     """Returns where the photos of a file were taken, whose rotations mean nothing."""
     frame = _frame(raw.frame, source)
     vector = "degrees" if frame.is_in_degrees else "centre"
-    raw, poses, left_out = _without_repeated(raw, Convention("world_from_cam", rotation="matrix", vector=vector))
+
+    def make_position(name: str, item: RawPose, pose: Pose) -> Position:
+        x, y, z = pose.cam_in_world.tolist()
+        return Position(name, (x, y, z), item.accuracy_m)
+
+    convention = Convention("world_from_cam", rotation="matrix", vector=vector)
+    photos, origin = _assemble(raw, convention, frame, source, make_position)
+    return Positions(tuple(photos), origin, "positions")
+
+
+def _assemble(
+    raw: RawPoses, convention: Convention, frame: Frame, source: Source, make: Callable[[str, RawPose, Pose], T]
+) -> tuple[list[T], GeoOrigin | None]:
+    """Returns what is made of the poses that have a photo, by its name, and the origin of their frame."""
+    raw, poses, left_out = _without_repeated(raw, convention)
+    if not frame.is_geographic:
+        _warn_of_degrees(poses, source)
     poses, origin = _to_local(poses, frame, source.origin, left_out)
     found = associate(raw.poses, source) if poses else Association({})
     left_out |= found.ambiguous
-    photos = []
-    for name, (index, _, _) in sorted(found.places.items()):
-        item = raw.poses[index]
-        if index in poses and isinstance(item, RawPose):
-            x, y, z = poses[index].cam_in_world.tolist()
-            photos.append(Position(name, (x, y, z), item.accuracy_m))
-    _report(raw, found, left_out, bool(photos), source)
-    return Positions(tuple(photos), origin, "positions")
+    made = []
+    for name, (first, second, weight) in sorted(found.places.items()):
+        item = raw.poses[first]
+        if first in poses and second in poses and isinstance(item, RawPose):
+            try:
+                made.append(make(name, item, _between(poses[first], poses[second], weight)))
+            except DAMAGE as error:
+                left_out[first] = reason_of(error)
+    _report(raw, found, left_out, bool(made), source)
+    return made, origin
 
 
 def _without_repeated(raw: RawPoses, convention: Convention) -> tuple[RawPoses, Poses, dict[int, str]]:
@@ -181,9 +189,8 @@ def _between(first: Pose, second: Pose, weight: float) -> Pose:
     return Pose.from_centre(rotation.T, (1 - weight) * first.cam_in_world + weight * second.cam_in_world)
 
 
-def _camera(item: RawPose | BadPose, name: str, source: Source) -> Camera:
+def _camera(item: RawPose, name: str, source: Source) -> Camera:
     """Returns the intrinsics that the file has for a photo."""
-    assert isinstance(item, RawPose)
     if item.camera is None:
         raise ValueError("there are no intrinsics: give them as --camera")
     return item.camera if isinstance(item.camera, Camera) else item.camera(source.photos.size(name))

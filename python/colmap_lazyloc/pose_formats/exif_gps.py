@@ -58,7 +58,7 @@ def in_local_frame(positions: Sequence[GpsPosition], origin: GeoOrigin | None = 
     if not used:
         return Positions((), origin, TITLE)
     geodetic = np.array([[photo.latitude_deg, photo.longitude_deg, photo.altitude_m] for photo in used], float)
-    origin = origin or GeoOrigin.in_the_middle(to_geocentric(geodetic))
+    origin = origin or _middle(used)
     points = origin.from_geodetic(*geodetic.T).tolist()
     photos = (Position(photo.name, (x, y, z), photo.accuracy_m) for photo, (x, y, z) in zip(used, points))
     return Positions(tuple(photos), origin, TITLE)
@@ -68,11 +68,7 @@ def write_positions(path: pathlib.Path, positions: Sequence[GpsPosition], origin
     """Writes lines `name x y z sx sy sz` for --query_position_path in the frame of the origin, which is returned."""
     if not positions:
         raise InputError("no photo has a position (GPS) in EXIF")
-    altitudes = [position.altitude_m for position in positions if position.altitude_m is not None]
-    if origin is None:
-        latitude = float(np.mean([position.latitude_deg for position in positions]))
-        longitude = float(np.mean([position.longitude_deg for position in positions]))
-        origin = GeoOrigin(latitude, longitude, float(np.mean(altitudes)) if altitudes else 0.0)
+    origin = origin or _middle(positions)
     lines = []
     for position in positions:
         height = origin.height_m if position.altitude_m is None else position.altitude_m
@@ -81,6 +77,13 @@ def write_positions(path: pathlib.Path, positions: Sequence[GpsPosition], origin
         lines.append(f"{position.name} {x:.17g} {y:.17g} {z:.17g} {deviation}\n")
     path.write_text("".join(lines), encoding="utf-8")
     return origin
+
+
+def _middle(positions: Sequence[GpsPosition]) -> GeoOrigin:
+    """Returns the mean of positions; that of their altitudes is 0 if all are missing."""
+    altitudes = [photo.altitude_m for photo in positions if photo.altitude_m is not None] or [0.0]
+    rows = [(photo.latitude_deg, photo.longitude_deg, np.mean(altitudes)) for photo in positions]
+    return GeoOrigin.in_the_middle(to_geocentric(np.array(rows, float)))
 
 
 def _read_photo(name: str, path: pathlib.Path) -> GpsPosition | None:

@@ -9,7 +9,7 @@ import pathlib
 from typing import Any
 
 from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, Frame
-from colmap_lazyloc.pose_formats.naming import inside
+from colmap_lazyloc.pose_formats.naming import files_by_name, inside
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
 from colmap_lazyloc.pose_formats.text import read_json
@@ -24,17 +24,15 @@ Rotation = tuple[str, tuple[str, ...]]  # the name of an object, and those of it
 
 def parse(source: Source, rotation: Rotation) -> RawPoses:
     """Reads a folder of poses, or one; the names of photos are those of the files without their endings."""
-    folder = source.path if source.path.is_dir() else source.path.parent
-    paths = sorted(folder.rglob(f"*{ENDING}")) if source.path.is_dir() else [source.path]
 
-    def parse_file(path: pathlib.Path) -> RawPose:
+    def parse_file(file: tuple[str, pathlib.Path]) -> RawPose:
+        name, path = file
         values: dict[str, Any] = read_json(path)
         turn = [float(values[rotation[0]][name]) for name in rotation[1]]
         position = [float(values["position"][name]) for name in POSITION]
-        name = path.relative_to(folder).as_posix().removesuffix(ENDING)
         return RawPose(turn, position, name, camera=source.camera)
 
-    return RawPoses(each(paths, parse_file, lambda path: path.name), Frame(GEOGRAPHIC))
+    return RawPoses(each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name), Frame(GEOGRAPHIC))
 
 
 def write(path: pathlib.Path, raw: RawPoses, rotation: Rotation) -> None:

@@ -104,6 +104,12 @@ def short_names(names: Sequence[str], has_ending: bool = True) -> list[str]:
     return short if len(set(short)) == len(short) else list(names)
 
 
+def files_by_name(path: pathlib.Path, ending: str) -> list[tuple[str, pathlib.Path]]:
+    """Returns the files below a folder, or one, with their names in it without the ending: those of photos."""
+    folder, paths = (path, sorted(path.rglob(f"*{ending}"))) if path.is_dir() else (path.parent, [path])
+    return [(file.relative_to(folder).as_posix().removesuffix(ending), file) for file in paths]
+
+
 def inside(folder: pathlib.Path, name: str) -> pathlib.Path:
     """Returns the path of a photo's file in a folder; refuses a name that leads out of it."""
     if ".." in name.split("/") or name.startswith("/"):

@@ -9,18 +9,22 @@ from colmap_lazyloc.pose_formats.naming import short_names
 from colmap_lazyloc.pose_formats.opensfm import grid_name
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
-from colmap_lazyloc.pose_formats.signatures import ODM_HEADER, Head
+from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.pose_formats.text import numbers, words
 from colmap_lazyloc.text_files import read_entries
 
+HEADER = re.compile(r"(EPSG:\d+|WGS84 UTM \d+[NS]|\+proj=.*)\s*$")
 NUM_COLUMNS = 7  # of a line with rotations; accuracies and others may follow
 
 
 def is_one(head: Head) -> bool:
     """True for geo.txt with rotations."""
-    return re.match(ODM_HEADER, head.first_line) is not None and all(
-        len(line.split()) >= NUM_COLUMNS for line in head.body[1:2]
-    )
+    return has_header(head) and all(len(line.split()) >= NUM_COLUMNS for line in head.body[1:2])
+
+
+def has_header(head: Head) -> bool:
+    """True for geo.txt, with or without rotations: its first line is a reference system."""
+    return HEADER.match(head.first_line) is not None
 
 
 def parse(source: Source) -> RawPoses:

@@ -5,7 +5,6 @@ Such positions are no poses. They place the model that COLMAP's mapper makes of 
 
 import dataclasses
 import pathlib
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,8 +17,8 @@ from colmap_lazyloc.pose_formats.geo import find_crs
 from colmap_lazyloc.pose_formats.naming import Names
 from colmap_lazyloc.pose_formats.opensfm import grid_name
 from colmap_lazyloc.pose_formats.posed_images import Positions, Source
-from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, RawPose, RawPoses, each, reason_of
-from colmap_lazyloc.pose_formats.signatures import ODM_HEADER, Head
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, errors_named
+from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.pose_formats.text import Row, Table, is_header_of_poses, numbers, simple_name
 from colmap_lazyloc.text_files import read_entries
 
@@ -40,8 +39,8 @@ def is_one(head: Head) -> bool:
     model_aligner takes them."""
     if head.is_folder:
         return False
-    if _is_odm(head):
-        return all(4 <= len(line.split()) < odm_geo.NUM_COLUMNS for line in head.body[1:2])
+    if odm_geo.has_header(head):
+        return not odm_geo.is_one(head)
     if _has_no_header(head):
         return True
     has_centre = any(_has(head, *axes) for axes in (GEODETIC, table.CENTRE))
@@ -52,10 +51,6 @@ def is_one(head: Head) -> bool:
 def _has(head: Head, *names: Sequence[str]) -> bool:
     """True if a table has a column for each of these, which may have one of several names."""
     return head.has(*("|".join(map(simple_name, several)) for several in names))
-
-
-def _is_odm(head: Head) -> bool:
-    return re.match(ODM_HEADER, head.first_line) is not None
 
 
 def _has_no_header(head: Head) -> bool:
@@ -81,21 +76,16 @@ def read_positions(source: Source, format_name: str | None) -> Positions:
     """Reads the positions of the photos of a source; each error is an InputError that names the file or folder."""
     if format_name == EXIF:
         return _read_exif(source)
-    try:
+    with errors_named(source.path):
         raw = _parse(source)
         if raw.frame.is_geographic:
             source = dataclasses.replace(source, crs=None)  # it is that of the report
         return assemble_positions(raw, source)
-    except (*DAMAGE, OSError) as error:
-        text = reason_of(error)
-        if isinstance(error, InputError) and text.startswith(str(source.path)):
-            raise
-        raise InputError(f"{source.path}: {text}") from None
 
 
 def _parse(source: Source) -> RawPoses:
     head = Head(source.path)
-    if _is_odm(head):
+    if odm_geo.has_header(head):
         return _parse_odm(source)
     if _has_no_header(head):
         if source.crs is not None and find_crs(source.crs).is_geographic:

@@ -1,8 +1,10 @@
 """What the reader of a format returns: the poses as the file has them."""
 
+import contextlib
 import dataclasses
+import pathlib
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -105,6 +107,20 @@ def reason_of(error: Exception) -> str:
         kinds = [kind for name in re.findall(r"'(\w+)'", text) if (kind := _KINDS.get(name))]
         return f"there is {kinds[0]} where another value is expected" if kinds else "a value is of another kind"
     return next((re.sub(pattern, words, text) for pattern, words in _WORDS if re.fullmatch(pattern, text)), text)
+
+
+@contextlib.contextmanager
+def errors_named(path: pathlib.Path, of_damage: str = "") -> Iterator[None]:
+    """Makes an InputError that names the file of any error within; `of_damage`: what precedes the reason of others."""
+    try:
+        yield
+    except (*DAMAGE, OSError) as error:
+        text = reason_of(error)
+        if isinstance(error, InputError):
+            if text.startswith(str(path)):
+                raise
+            of_damage = ""
+        raise InputError(f"{path}: {of_damage}{text}") from None
 
 
 def matrix_parts(matrix: Any) -> tuple[Any, Any]:

@@ -30,7 +30,7 @@ from colmap_lazyloc.pose_formats import (
 from colmap_lazyloc.pose_formats.assembly import assemble
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, Source
-from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, RawPoses, reason_of
+from colmap_lazyloc.pose_formats.raw_poses import RawPoses, errors_named
 from colmap_lazyloc.pose_formats.signatures import Head, foreign
 from colmap_lazyloc.pose_formats.writing import NO_TARGET, Target, World, Writer, describe_omitted, file_of, raw_poses
 
@@ -432,15 +432,9 @@ def read_posed_images(source: Source, format_name: str | None = None) -> PosedIm
     form = FORMATS[format_name or find_format(source.path)]
     if source.calibration_path is not None and not form.is_trajectory:
         raise InputError(f"--calibration {source.calibration_path}: is for trajectories; {source.path} has names")
-    try:
+    with errors_named(source.path, f"is no file of the format {form.title}: "):
         raw = form.parse(source)
         return assemble(raw, raw.convention or form.convention, source)
-    except (*DAMAGE, OSError) as error:
-        text = reason_of(error)
-        if isinstance(error, InputError) and text.startswith(str(source.path)):
-            raise
-        joint = "" if isinstance(error, InputError) else f"is no file of the format {form.title}: "
-        raise InputError(f"{source.path}: {joint}{text}") from None
 
 
 def _refuse_empty(path: pathlib.Path) -> None:

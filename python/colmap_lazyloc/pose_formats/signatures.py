@@ -8,7 +8,6 @@ from colmap_lazyloc.model import is_model
 from colmap_lazyloc.pose_formats.text import SEPARATOR_LINE, column_names, header_of, separator_of, simple_name, split
 
 HEAD_BYTES = 1 << 16
-ODM_HEADER = r"(EPSG:\d+|WGS84 UTM \d+[NS]|\+proj=.*)\s*$"  # of geo.txt
 
 
 class Head:
@@ -115,11 +114,6 @@ FOREIGN: Sequence[tuple[str, Callable[[Head], bool], str]] = (
         "a list of RealityCapture with omega, phi, kappa, which have another order there",
         lambda f: f.is_reality_capture and f.has("omega", "phi", "kappa"),
         "export 'Internal/External camera parameters'",
-    ),
-    (
-        "a list of positions of OpenDroneMap (geo.txt)",
-        lambda f: f.name == "geo.txt" or re.match(ODM_HEADER, f.text.split("\n")[0]) is not None,
-        "it has no rotations: give opensfm/reconstruction.topocentric.json of the project, or odm_report/shots.geojson",
     ),
     ("a database of COLMAP (SQLite)", lambda f: f.starts(b"SQLite format 3"), "give the folder of a model"),
     ("text in UTF-16", lambda f: f.starts(b"\xff\xfe", b"\xfe\xff"), "save it in UTF-8"),

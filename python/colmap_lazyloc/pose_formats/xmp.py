@@ -13,7 +13,7 @@ import numpy as np
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.naming import ENDING as PHOTO_ENDING
-from colmap_lazyloc.pose_formats.naming import inside
+from colmap_lazyloc.pose_formats.naming import files_by_name, inside
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
 from colmap_lazyloc.pose_formats.signatures import Head
@@ -38,19 +38,17 @@ def is_one(head: Head) -> bool:
 
 def parse(source: Source) -> RawPoses:
     """Reads a folder of files, or one; the names of photos are those of the files without their endings."""
-    folder = source.path if source.path.is_dir() else source.path.parent
-    paths = sorted(folder.rglob(f"*{ENDING}")) if source.path.is_dir() else [source.path]
 
-    def parse_file(path: pathlib.Path) -> RawPose:
+    def parse_file(file: tuple[str, pathlib.Path]) -> RawPose:
+        name, path = file
         values = _values(path)
-        name = path.relative_to(folder).as_posix().removesuffix(ENDING)
         camera = None
         if source.camera is None and INTRINSICS["f"] in values:
             camera = functools.partial(film_camera, _film(values))
         rotation = np.reshape(numbers(values[ROTATION], 9), (3, 3))
         return RawPose(rotation, numbers(values[POSITION], 3), name, camera=camera)
 
-    return RawPoses(each(paths, parse_file, lambda path: path.name))
+    return RawPoses(each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name))
 
 
 def _values(path: pathlib.Path) -> dict[str, str]:
@@ -72,7 +70,7 @@ def _film(values: dict[str, str]) -> dict[str, str]:
             raise ValueError(f"a camera has the {name} {values[name]}, which COLMAP's camera models lack")
     coefficients = values.get(COEFFICIENTS, "0 0 0 0 0 0").split()
     found = dict(zip(FILM_COEFFICIENTS, coefficients, strict=True))
-    return found | {short: values.get(name, "0") for short, name in INTRINSICS.items()}
+    return found | {short: values[name] for short, name in INTRINSICS.items() if name in values}
 
 
 def write(path: pathlib.Path, raw: RawPoses) -> None:
