@@ -18,7 +18,7 @@ from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.registry import find_format
 from colmap_lazyloc.project import options as run_options
 from pose_files import CAMERA, assert_poses, read, write_named
-from pose_writers import make_poses, save, table, xyzw
+from pose_writers import WRITERS, make_poses, save, table, xyzw
 
 ORIGIN = GeoOrigin(47.1, 11.8, 812.0)
 UTM = "EPSG:32632"
@@ -584,6 +584,20 @@ def test_tangential_coefficients_of_reality_capture(tmp_path):
     assert camera.params == (500, 500, 310, 250, -0.05, 0.02, -0.002, 0.001)
 
 
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [("transforms", '"cx":;"cxx":'), ("csv_quaternion", ",cx,;,c_left,"), ("opensfm", '"c_y":;"c_y_":'),
+     ("reality_capture", ",py,;,p_y_px,"), ("xmp", "PrincipalPointU;Principal")],
+)  # fmt: skip
+def test_half_of_a_principal_point_is_refused(kind, names, tmp_path):
+    """The other half would be the middle of the photo, without a word."""
+    path = WRITERS[kind].write(tmp_path, make_poses(["a.jpg"]))
+    file = path / "a.xmp" if path.is_dir() else path
+    file.write_text(file.read_text().replace(*names.split(";"), 1))
+    with pytest.raises(InputError, match=r"a camera has (c|p)_?[xy], but of .* both are needed"):
+        read(path, write_named(tmp_path / "photos", ["a.jpg"]), camera=None)
+
+
 @pytest.mark.parametrize(("key", "message"), [("k4", "k4"), ("k5", "k5"), ("s1", "s1"), ("skew", "skew"), ("p3", "p3")])
 def test_coefficients_that_would_be_dropped_are_refused(key, message, tmp_path):
     transforms = pose_writers.transforms(tmp_path, make_poses(["a.jpg"]))
@@ -741,6 +755,13 @@ def test_missing_values_of_a_row(value, tmp_path, caplog):
     posed = read(path)
     assert [image.name for image in posed.images] == ["a.jpg"] and posed.origin == GeoOrigin(47, 8, 400)
     assert "1 of 2 poses is left out: line 3: there is no longitude" in caplog.text
+
+
+def test_coordinate_whose_square_is_infinite_is_left_out(tmp_path, caplog):
+    text = "name,x,y,z,qw,qx,qy,qz\na.jpg,1,2,3,1,0,0,0\nb.jpg,1e200,2,3,1,0,0,0\n"
+    posed = read(save(tmp_path, "a.csv", text))
+    assert [image.name for image in posed.images] == ["a.jpg"]
+    assert "1 of 2 poses is left out: b.jpg: a pose has the value 1e+200" in caplog.text
 
 
 def test_position_without_a_fix(tmp_path, caplog):

@@ -98,7 +98,7 @@ def named_camera(values: Mapping[str, Any], size: tuple[int, int]) -> Camera:
     focal_x = focal_x or focal_y
     if focal_x is None or focal_y is None:
         raise ValueError("there is no focal length (fl_x, fx or camera_angle_x)")
-    focal, centre = (focal_x, focal_y), (number(values, "cx", size[0] / 2), number(values, "cy", size[1] / 2))
+    focal, centre = (focal_x, focal_y), both(values, ("cx", "cy"), (size[0] / 2, size[1] / 2))
     k1, k2, k3, k4, k5, k6 = (number(values, f"k{index}") for index in range(1, 7))
     tangential = number(values, "p1"), number(values, "p2")
     refuse_others(values, {"k1", "k2", "k3", "k4", "p1", "p2"} | ({"k5", "k6"} if model == "FULL_OPENCV" else set()))
@@ -121,6 +121,16 @@ def number(values: Mapping[str, Any], name: str, default: float = 0.0) -> float:
     """Returns a value as a number; the default if there is none."""
     value = values.get(name)
     return default if value is None else float(value)
+
+
+def both(
+    values: Mapping[str, Any], names: tuple[str, str], defaults: tuple[float, float] = (0.0, 0.0)
+) -> tuple[float, float]:
+    """Returns two values as numbers, or the defaults if there is neither; refuses one without the other."""
+    given = [name for name in names if values.get(name) is not None]
+    if len(given) == 1:
+        raise ValueError(f"a camera has {given[0]}, but of {' and '.join(names)} both are needed")
+    return number(values, names[0], defaults[0]), number(values, names[1], defaults[1])
 
 
 def refuse_others(values: Mapping[str, Any], known: set[str]) -> None:

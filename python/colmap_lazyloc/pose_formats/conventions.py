@@ -24,6 +24,7 @@ CAMERA_AXES: dict[str, Array] = {
     "frd": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),  # x forward, y right, z down: of aircraft
     "rfu": LEVEL_CAMERA,  # x right, y forward, z up
 }
+MAX_VALUE = 1e12  # of a coordinate in any unit; products of larger ones overflow
 MAX_ROTATION_ERROR = 0.01  # of an element of a rotation in a file, which may have few digits
 
 
@@ -101,6 +102,8 @@ def finite(values: Any, count: int) -> Array:
         raise ValueError(f"there are {len(found)} numbers instead of {count}")
     if not np.all(np.isfinite(found)):
         raise ValueError("a pose has a value that is not finite")
+    if np.any(np.abs(found) > MAX_VALUE):
+        raise ValueError(f"a pose has the value {found[np.argmax(np.abs(found))]:g}")
     return found
 
 

@@ -15,6 +15,7 @@ from colmap_lazyloc.pose_formats.cameras import (
     FISHEYE_KIND,
     PERSPECTIVE_KIND,
     SPHERICAL_KIND,
+    both,
     brown_camera,
     coefficients,
     fisheye_camera,
@@ -152,7 +153,8 @@ def _camera(values: dict[str, Any]) -> Camera:
     width, height = size = int(values["width"]), int(values["height"])
     longer = max(size)
     focal_x, focal_y = (number(values, name, number(values, "focal")) * longer for name in ("focal_x", "focal_y"))
-    centre = width / 2 + number(values, "c_x") * longer, height / 2 + number(values, "c_y") * longer
+    x, y = both(values, ("c_x", "c_y"))
+    centre = width / 2 + x * longer, height / 2 + y * longer
     k1, k2, k3, k4, p1, p2 = (number(values, key) for key in ("k1", "k2", "k3", "k4", "p1", "p2"))
     refuse_others(values, {"k1", "k2", "k3", "k4", "p1", "p2"})
     if kind in ("perspective", "simple_radial", "radial", "brown"):

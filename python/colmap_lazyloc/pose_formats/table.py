@@ -10,6 +10,7 @@ from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import (
     PERSPECTIVE_KIND,
+    both,
     brown_camera,
     coefficients,
     named_camera,
@@ -161,7 +162,7 @@ def film_camera(values: dict[str, str], size: tuple[int, int]) -> Camera:
         raise ValueError("there are no intrinsics: give them as --camera")
     longer = max(size)
     focal = number(values, "f35mm" if "f35mm" in values else "f") / FILM_MM * longer
-    px, py = (number(values, name if name in values else f"{name}norm") for name in ("px", "py"))
+    px, py = both(values, ("pxnorm", "pynorm") if "pxnorm" in values else ("px", "py"))
     k1, k2, k3, k4, t1, t2 = (number(values, name) for name in FILM_COEFFICIENTS)
     refuse_others(values, set(FILM_COEFFICIENTS))
     centre = size[0] / 2 + px * longer, size[1] / 2 + py * longer
