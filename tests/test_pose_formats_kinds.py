@@ -598,6 +598,12 @@ def test_half_of_a_principal_point_is_refused(kind, names, tmp_path):
         read(path, write_named(tmp_path / "photos", ["a.jpg"]), camera=None)
 
 
+def test_empty_coefficient_of_metashape_is_refused(tmp_path):
+    path = pose_writers.metashape(tmp_path, make_poses(["a.jpg"]), more="<k1/>")
+    with pytest.raises(InputError, match="expected a number, found ''"):
+        read(path, camera=None)
+
+
 @pytest.mark.parametrize(("key", "message"), [("k4", "k4"), ("k5", "k5"), ("s1", "s1"), ("skew", "skew"), ("p3", "p3")])
 def test_coefficients_that_would_be_dropped_are_refused(key, message, tmp_path):
     transforms = pose_writers.transforms(tmp_path, make_poses(["a.jpg"]))

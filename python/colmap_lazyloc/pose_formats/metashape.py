@@ -152,7 +152,7 @@ def _camera(sensor: ET.Element) -> Camera:
     if resolution is None:
         raise ValueError(f"sensor '{label}' has no resolution")
     width, height = size = int(resolution.get("width", "")), int(resolution.get("height", ""))
-    values = {child.tag: child.text for child in calibration}
+    values = {child.tag: child.text or "" for child in calibration}
     refuse_others(values, COEFFICIENTS)
     if abs(number(values, "b2")) > MAX_SKEW_PX:
         raise ValueError(f"sensor '{label}' has a skew b2, which COLMAP's camera models lack: calibrate it without b2")
