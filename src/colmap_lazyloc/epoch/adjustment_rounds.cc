@@ -1,0 +1,96 @@
+#include "colmap_lazyloc/epoch/adjustment_rounds.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "colmap_lazyloc/bridge/joint_triangulation.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr int kNumRounds = 3;
+// Poses of photos that were localized alone are off by pixels at their neighbours' points.
+constexpr double kStartMaxErrorPx = 8;
+constexpr double kMinMaxErrorPx = 2;  // of later rounds
+constexpr double kMaxErrorSigma = 5;
+constexpr size_t kMinNumObservations = 15;  // of an image that is adjusted
+constexpr double kMinNoisePx = 0.2;
+// Number of observations that the common noise counts as in an image's estimate.
+constexpr double kNumCommonObservations = 20;
+
+// Removes observations with errors above both bounds, those of images with too few, and points with fewer than two.
+void RemoveMisfits(double max_error_px, JointScene* scene) {
+  std::vector<size_t> counts(scene->images.size(), 0);
+  for (JointPoint& point : scene->points) {
+    std::vector<JointObservation> fitting;
+    for (const JointObservation& observation : point.observations) {
+      const double bound = std::max(max_error_px, kMaxErrorSigma * scene->images[observation.image].noise_px);
+      if (ReprojectionErrorPx(*scene, point, observation) <= bound) fitting.push_back(observation);
+    }
+    point.observations = fitting.size() < 2 ? std::vector<JointObservation>() : std::move(fitting);
+    for (const JointObservation& observation : point.observations) ++counts[observation.image];
+  }
+  const auto is_alone = [&](const JointObservation& observation) {
+    return !scene->images[observation.image].is_constant && counts[observation.image] < kMinNumObservations;
+  };
+  for (JointPoint& point : scene->points) {
+    auto& observations = point.observations;
+    observations.erase(std::remove_if(observations.begin(), observations.end(), is_alone), observations.end());
+  }
+  const auto is_lost = [](const JointPoint& point) { return point.observations.size() < 2; };
+  scene->points.erase(std::remove_if(scene->points.begin(), scene->points.end(), is_lost), scene->points.end());
+}
+
+// Estimates the noise of each image by the median of its errors, with what the points absorb of them, shrunk towards
+// the noise of all images if it has few observations.
+void EstimateNoise(JointScene* scene) {
+  std::vector<std::vector<double>> lengths(scene->images.size());
+  std::vector<double> all;
+  for (const JointPoint& point : scene->points) {
+    const double num_errors = 2 * static_cast<double>(point.observations.size());
+    if (point.observations.size() < 3) continue;
+    const double absorbed = std::sqrt((num_errors - 3) / num_errors);
+    for (const JointObservation& observation : point.observations) {
+      const double length = ReprojectionErrorPx(*scene, point, observation) / absorbed;
+      if (!std::isfinite(length)) continue;
+      lengths[observation.image].push_back(length);
+      all.push_back(length);
+    }
+  }
+  if (all.empty()) return;
+  const double common = StddevOfLengths(all);
+  for (size_t i = 0; i < scene->images.size(); ++i) {
+    const auto count = static_cast<double>(lengths[i].size());
+    const double own = lengths[i].empty() ? common : StddevOfLengths(lengths[i]);
+    const double variance =
+        (count * own * own + kNumCommonObservations * common * common) / (count + kNumCommonObservations);
+    scene->images[i].noise_px = std::max(std::sqrt(variance), kMinNoisePx);
+  }
+}
+
+double LargestNoisePx(const JointScene& scene) {
+  double largest = 0;
+  for (const JointImage& image : scene.images) largest = std::max(largest, image.noise_px);
+  return largest;
+}
+
+}  // namespace
+
+JointAdjustment AdjustInRounds(JointScene* scene) {
+  JointAdjustment adjustment;
+  double max_error_px = kStartMaxErrorPx;
+  for (int round = 0; round < kNumRounds; ++round) {
+    scene->points = TriangulateJointly(*scene, max_error_px);
+    RemoveMisfits(max_error_px, scene);
+    adjustment = AdjustJointly(/*computes_covariances=*/round + 1 == kNumRounds, scene);
+    if (!adjustment.summary.success) return adjustment;
+    EstimateNoise(scene);
+    max_error_px = std::clamp(kMaxErrorSigma * LargestNoisePx(*scene), kMinMaxErrorPx, kStartMaxErrorPx);
+  }
+  RemoveMisfits(0, scene);
+  return adjustment;
+}
+
+}  // namespace lazyloc

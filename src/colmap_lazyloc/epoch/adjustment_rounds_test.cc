@@ -1,0 +1,207 @@
+#include "colmap_lazyloc/epoch/adjustment_rounds.h"
+
+#include <cmath>
+#include <random>
+
+#include <gmock/gmock.h>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
+#include "colmap_lazyloc/testing/pose_expectations.h"
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+struct SceneOptions {
+  int num_photos = 6, num_constant = 6;
+  double noise_px = 0.5;
+  double pose_error_deg = 0.2, position_error = 0.05;  // of the photos; the scene spans about 10
+  double focal_factor = 1;                             // on the photos' focal length
+  double outlier_ratio = 0;                            // of matches
+  uint32_t seed = 1;
+};
+
+struct TestScene {
+  JointScene given, exact;
+};
+
+Camera MakeCamera() {
+  return CameraFromFocalLength(*CameraModelId("SIMPLE_RADIAL"), /*focal_length_px=*/600, 800, 600);
+}
+
+// Returns photos and constant images in turn around points that all of them see.
+TestScene MakeScene(const SceneOptions& options) {
+  Random random(options.seed);
+  std::normal_distribution<double> normal;
+  TestScene scene;
+  scene.exact.cameras = {{MakeCamera(), false}, {MakeCamera(), true}};
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i < 300; ++i) points.push_back(RandomVector(&random));
+  const int num_images = options.num_photos + options.num_constant;
+  for (int i = 0; i < num_images; ++i) {
+    const double angle = 2 * M_PI * i / num_images;
+    const Eigen::Vector3d centre(8 * std::cos(angle), 8 * std::sin(angle), 0.5 * normal(random));
+    const bool is_constant = i >= options.num_photos;
+    JointImage image = {is_constant ? 1 : 0, LookAt(centre, Eigen::Vector3d::Zero()), is_constant, 1, {}};
+    for (const Eigen::Vector3d& point : points) {
+      const Eigen::Vector2d xy = *ImageFromCam(MakeCamera(), image.cam_from_world * point);
+      image.keypoints.push_back(xy + options.noise_px * Eigen::Vector2d(normal(random), normal(random)));
+    }
+    scene.exact.images.push_back(std::move(image));
+  }
+  std::bernoulli_distribution is_outlier(options.outlier_ratio);
+  std::uniform_int_distribution<uint32_t> keypoint(0, static_cast<uint32_t>(points.size()) - 1);
+  for (int i = 0; i < num_images; ++i) {
+    for (int j = i + 1; j < num_images; ++j) {
+      JointPair pair = {j, i, {}};
+      for (uint32_t k = 0; k < points.size(); ++k) {
+        pair.matches.push_back({k, is_outlier(random) ? keypoint(random) : k});
+      }
+      scene.exact.pairs.push_back(std::move(pair));
+    }
+  }
+  scene.given = scene.exact;
+  scene.given.cameras[0].camera = WithFocalFactor(MakeCamera(), options.focal_factor);
+  for (JointImage& image : scene.given.images) {
+    if (image.is_constant) continue;
+    const Eigen::Vector3d centre = CamInWorld(image.cam_from_world);
+    image.cam_from_world = CamFromWorld(Disturbed(image.cam_from_world.rotation, options.pose_error_deg, &random),
+                                        centre + options.position_error * RandomVector(&random).normalized());
+  }
+  return scene;
+}
+
+// Returns the mean position error of the photos.
+double MeanPositionError(const JointScene& scene, const JointScene& exact) {
+  double sum = 0;
+  int count = 0;
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    if (scene.images[i].is_constant) continue;
+    sum += PositionError(scene.images[i].cam_from_world, exact.images[i].cam_from_world);
+    ++count;
+  }
+  return sum / count;
+}
+
+// Returns the mean squared error of the poses by their covariances, per degree of freedom.
+double NormalizedError(const JointAdjustment& adjustment, const JointScene& scene, const JointScene& exact) {
+  double sum = 0;
+  int count = 0;
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    if (scene.images[i].is_constant) continue;
+    const Rigid3d &pose = scene.images[i].cam_from_world, &truth = exact.images[i].cam_from_world;
+    Eigen::Matrix<double, 6, 1> error;
+    const Eigen::AngleAxisd turn(pose.rotation * truth.rotation.conjugate());
+    error << turn.angle() * turn.axis(), pose.translation - truth.translation;
+    sum += error.dot(adjustment.covariances[i].ldlt().solve(error));
+    count += 6;
+  }
+  return sum / count;
+}
+
+TEST(AdjustInRounds, NoiseFreeIsExact) {
+  SceneOptions options;
+  options.noise_px = 0;
+  TestScene scene = MakeScene(options);
+  const JointAdjustment adjustment = AdjustInRounds(&scene.given);
+  ASSERT_TRUE(adjustment.summary.success) << adjustment.summary.message;
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 1e-6);
+  EXPECT_EQ(scene.given.points.size(), 300u);
+}
+
+TEST(AdjustInRounds, ConstantImagesAndCamerasKeepEveryBit) {
+  TestScene scene = MakeScene({});
+  const JointScene before = scene.given;
+  ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+  EXPECT_EQ(scene.given.cameras[1].camera.params, before.cameras[1].camera.params);
+  EXPECT_NE(scene.given.cameras[0].camera.params, before.cameras[0].camera.params);
+  for (size_t i = 0; i < before.images.size(); ++i) {
+    if (!before.images[i].is_constant) continue;
+    EXPECT_EQ(scene.given.images[i].cam_from_world.rotation.coeffs(),
+              before.images[i].cam_from_world.rotation.coeffs());
+    EXPECT_EQ(scene.given.images[i].cam_from_world.translation, before.images[i].cam_from_world.translation);
+  }
+}
+
+// 300 points with 0.5 px at 600 px and a distance of 8 determine a position to about 8 / 600 * 0.5 / sqrt(300) along
+// each axis, and some times that towards the points.
+TEST(AdjustInRounds, NoiseAverages) {
+  TestScene scene = MakeScene({});
+  const JointAdjustment adjustment = AdjustInRounds(&scene.given);
+  ASSERT_TRUE(adjustment.summary.success);
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.004);
+  for (const JointImage& image : scene.given.images) EXPECT_NEAR(image.noise_px, 0.5, 0.1);
+}
+
+TEST(AdjustInRounds, SharedFocalLengthIsFound) {
+  SceneOptions options;
+  options.focal_factor = 1.03;
+  TestScene scene = MakeScene(options);
+  ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+  EXPECT_NEAR(MeanFocalLength(scene.given.cameras[0].camera), 600, 2);
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.01);
+}
+
+TEST(AdjustInRounds, FalseMatchesAreLeftOut) {
+  SceneOptions options;
+  options.outlier_ratio = 0.1;
+  TestScene scene = MakeScene(options);
+  ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.006);
+}
+
+TEST(AdjustInRounds, PhotosWithoutConstantImagesHangOnOthers) {
+  TestScene scene = MakeScene({});
+  auto& pairs = scene.given.pairs;
+  const auto sees_constant = [&](const JointPair& pair) {
+    return (pair.image1 == 0 || pair.image2 == 0) &&
+           (scene.given.images[pair.image1].is_constant || scene.given.images[pair.image2].is_constant);
+  };
+  pairs.erase(std::remove_if(pairs.begin(), pairs.end(), sees_constant), pairs.end());
+  ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+  EXPECT_LT(PositionError(scene.given.images[0].cam_from_world, scene.exact.images[0].cam_from_world), 0.01);
+}
+
+TEST(AdjustInRounds, CovariancesDescribeTheErrors) {
+  double sum = 0;
+  constexpr int kNumScenes = 10;
+  for (uint32_t seed = 0; seed < kNumScenes; ++seed) {
+    SceneOptions options;
+    options.seed = seed;
+    TestScene scene = MakeScene(options);
+    const JointAdjustment adjustment = AdjustInRounds(&scene.given);
+    ASSERT_TRUE(adjustment.summary.success);
+    sum += NormalizedError(adjustment, scene.given, scene.exact);
+  }
+  EXPECT_NEAR(sum / kNumScenes, 1, 0.4);
+}
+
+TEST(AdjustInRounds, PhotoWithTooFewMatchesKeepsItsPose) {
+  TestScene scene = MakeScene({});
+  for (JointPair& pair : scene.given.pairs) {
+    if (pair.image1 == 0 || pair.image2 == 0) pair.matches.resize(10);
+  }
+  const Rigid3d before = scene.given.images[0].cam_from_world;
+  const JointAdjustment adjustment = AdjustInRounds(&scene.given);
+  ASSERT_TRUE(adjustment.summary.success);
+  EXPECT_EQ(scene.given.images[0].cam_from_world.translation, before.translation);
+  EXPECT_FALSE(adjustment.covariances[0].allFinite());
+}
+
+TEST(AdjustInRounds, SameInputSameResult) {
+  TestScene first = MakeScene({}), second = MakeScene({});
+  ASSERT_TRUE(AdjustInRounds(&first.given).summary.success);
+  ASSERT_TRUE(AdjustInRounds(&second.given).summary.success);
+  EXPECT_EQ(first.given.images[0].cam_from_world.translation, second.given.images[0].cam_from_world.translation);
+}
+
+TEST(AdjustInRounds, SceneWithoutMatchesIsNotAdjusted) {
+  TestScene scene = MakeScene({});
+  scene.given.pairs.clear();
+  EXPECT_FALSE(AdjustInRounds(&scene.given).summary.success);
+}
+
+}  // namespace
+}  // namespace lazyloc

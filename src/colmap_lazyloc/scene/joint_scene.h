@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/match.h"
+
+namespace lazyloc {
+
+// Camera that images of a joint scene share.
+struct JointCamera {
+  Camera camera;
+  bool is_constant = false;
+  bool refines_distortion = true;  // besides the focal length
+};
+
+// Image of a joint scene.
+struct JointImage {
+  int camera = -1;  // index into JointScene::cameras
+  Rigid3d cam_from_world;
+  bool is_constant = false;  // a database image
+  double noise_px = 1;       // standard deviation of its keypoints per coordinate
+  std::vector<Eigen::Vector2d> keypoints;
+};
+
+// Verified matches of two images. A match's other_point is a keypoint of image1, its query_point one of image2.
+struct JointPair {
+  int image1 = -1, image2 = -1;
+  Matches matches;
+};
+
+struct JointObservation {
+  int image = -1;
+  uint32_t keypoint = 0;
+};
+
+struct JointPoint {
+  Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
+  std::vector<JointObservation> observations;  // at most one per image, sorted by image
+};
+
+// New photos and the database images that they share matches with. The origin of the world is near the cameras.
+struct JointScene {
+  std::vector<JointCamera> cameras;
+  std::vector<JointImage> images;
+  std::vector<JointPair> pairs;
+  std::vector<JointPoint> points;
+};
+
+}  // namespace lazyloc
