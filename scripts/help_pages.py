@@ -11,7 +11,7 @@ import re
 import subprocess
 from dataclasses import dataclass
 
-COMMANDS = ("lazy_localizer", "lazy_indexer", "lazy_merger")
+COMMANDS = ("lazy_localizer", "lazy_epoch", "lazy_indexer", "lazy_merger")
 PROGRAM = "colmap-lazyloc"  # the name of the installed program; Debian's own is colmap
 TOOL = "lazyloc"
 OTHER_TOPICS = (  # of the options that --help leaves out, by the beginning of their names

@@ -38,6 +38,7 @@ def upstream_commands(colmap):
 
 
 OUR_COMMANDS = [
+    "lazy_epoch",
     "lazy_exhaustive_matcher",
     "lazy_feature_extractor",
     "lazy_indexer",
@@ -143,7 +144,7 @@ def test_help_of_all_options_has_those_of_colmap_and_the_advanced_ones_too(colma
     assert [name for name in explained_options(advanced) if not name.startswith(prefixes)] == []
 
 
-@pytest.mark.parametrize("command", ["lazy_localizer", "lazy_indexer", "lazy_merger"])
+@pytest.mark.parametrize("command", ["lazy_localizer", "lazy_epoch", "lazy_indexer", "lazy_merger"])
 def test_version_is_that_of_the_program_and_of_colmap(colmap, command):
     done = run(colmap, command, "--version")
     assert (done.returncode, done.stderr) == (0, "")

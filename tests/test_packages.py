@@ -191,13 +191,20 @@ def test_option_tables_are_those_of_the_program(colmap):
 
 
 @pytest.mark.parametrize(
-    ("command", "flag"), [("lazy_localizer", "--help-all"), ("lazy_indexer", "--help"), ("lazy_merger", "--help")]
+    ("command", "flag"),
+    [
+        ("lazy_localizer", "--help-all"),
+        ("lazy_epoch", "--help"),
+        ("lazy_indexer", "--help"),
+        ("lazy_merger", "--help"),
+    ],
 )
 def test_man_page_has_every_option(colmap, tmp_path, command, flag):
     run(sys.executable, HELP_PAGES, "man", colmap, tmp_path)
     assert {page.name for page in tmp_path.iterdir()} == {
         "colmap-lazyloc.1",
         "lazy_localizer.1",
+        "lazy_epoch.1",
         "lazy_indexer.1",
         "lazy_merger.1",
         "lazyloc.1",

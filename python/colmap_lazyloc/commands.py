@@ -15,6 +15,11 @@ def lazy_merger() -> int:
     return int(core.run_lazy_merger(sys.argv))
 
 
+def lazy_epoch() -> int:
+    """Runs `colmap lazy_epoch` with the arguments of this process and returns its exit code."""
+    return int(core.run_lazy_epoch(sys.argv))
+
+
 def lazy_indexer() -> int:
     """Runs `colmap lazy_indexer` with the arguments of this process and returns its exit code."""
     return int(core.run_lazy_indexer(sys.argv))

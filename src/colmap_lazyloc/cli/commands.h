@@ -4,6 +4,7 @@ namespace lazyloc {
 
 // Run a command of the colmap program; argv[0] is the program. Return its exit code: 0, or 1 for bad options or files,
 // and then nothing is written.
+int RunLazyEpoch(int argc, char** argv);
 int RunLazyIndexer(int argc, char** argv);
 int RunLazyMerger(int argc, char** argv);
 

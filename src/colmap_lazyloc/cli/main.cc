@@ -1,5 +1,5 @@
-// Adds the commands lazy_indexer, lazy_localizer and lazy_merger to the colmap program, and commands of COLMAP with our
-// SIFT. COLMAP's own main, which the build renames to ColmapUpstreamMain, runs all other commands.
+// Adds the commands lazy_epoch, lazy_indexer, lazy_localizer and lazy_merger to the colmap program, and commands of
+// COLMAP with our SIFT. COLMAP's own main, which the build renames to ColmapUpstreamMain, runs all other commands.
 #include <algorithm>
 #include <iostream>
 #include <set>
@@ -34,7 +34,7 @@ int ShowHelp(int argc, char** argv) {
   std::streambuf* const standard_output = std::cout.rdbuf(upstream.rdbuf());
   const int exit_code = ColmapUpstreamMain(argc, argv);
   std::cout.rdbuf(standard_output);
-  std::set<std::string> names = {"lazy_indexer", "lazy_localizer", "lazy_merger"};
+  std::set<std::string> names = {"lazy_epoch", "lazy_indexer", "lazy_localizer", "lazy_merger"};
   for (const std::string& name : kReplacedCommands) names.insert(kPrefix + name);
   std::string lines;
   for (const std::string& name : names) lines += "  " + name + "\n";
@@ -72,7 +72,8 @@ int main(int argc, char** argv) {
   const std::string command = argv[1];
   const std::string name = command.rfind(kPrefix, 0) == 0 ? command.substr(kPrefix.size()) : "";
   if (kReplacedCommands.count(name) > 0) return RunReplaced(name, argc, argv);
-  const auto run = command == "lazy_indexer"     ? lazyloc::RunLazyIndexer
+  const auto run = command == "lazy_epoch"       ? lazyloc::RunLazyEpoch
+                   : command == "lazy_indexer"   ? lazyloc::RunLazyIndexer
                    : command == "lazy_localizer" ? lazyloc::RunLazyLocalizer
                    : command == "lazy_merger"    ? lazyloc::RunLazyMerger
                                                  : nullptr;

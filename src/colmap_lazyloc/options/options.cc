@@ -62,6 +62,25 @@ void ForEachBasicOption(MergerOptions& o, const Add& add) {
 template <typename Add>
 void ForEachAdvancedOption(MergerOptions&, const Add&) {}
 
+template <typename Add>
+void ForEachBasicOption(EpochCommandOptions& o, const Add& add) {
+  add("database_path", &o.database_path,
+      "COLMAP database with the new photos and the database images: keypoints, and verified matches of photos with "
+      "database images and with each other; opened read-only");
+  add("input_path", &o.input_path, "Folder of the COLMAP model of the database images; their poses stay as they are");
+  add("localized_path", &o.localized_path, "Output folder of colmap lazy_localizer for the new photos");
+  add("output_path", &o.output_path, "Folder for the results, in the files of colmap lazy_localizer");
+  add("LazyEpoch.with_database", &o.with_database,
+      "Write the database images into the model, too, with their poses bit for bit");
+  add("LazyEpoch.shared_intrinsics", &o.epoch.shares_intrinsics,
+      "Refine one camera for all photos for which the database states the same intrinsics; 0: one for each photo");
+  add("LazyEpoch.min_confidence", &o.epoch.min_confidence,
+      "Minimum probability that the position of a photo is right that only matches with other new photos place");
+  add("LazyEpoch.num_threads", &o.epoch.num_threads, "Number of threads; -1 uses all cores");
+}
+template <typename Add>
+void ForEachAdvancedOption(EpochCommandOptions&, const Add&) {}
+
 namespace {
 
 // Returns a value as the command line reads it. Numbers are written as in JSON, which is exact and short.
@@ -162,6 +181,15 @@ void CheckOptions(IndexerOptions* options) {
 
 void CheckOptions(MergerOptions* options) {
   CheckRequired({{"input_path", &options->input_path}, {"output_path", &options->output_path}});
+}
+
+void CheckOptions(EpochCommandOptions* options) {
+  CheckRequired({{"database_path", &options->database_path},
+                 {"input_path", &options->input_path},
+                 {"localized_path", &options->localized_path},
+                 {"output_path", &options->output_path}});
+  std::string error;
+  if (!options->epoch.Check(&error)) throw OptionError(*options, error);
 }
 
 // Options that --help shows; --help-all shows all.
@@ -283,6 +311,13 @@ bool ParseCommandLine(int argc, char** argv, IndexerOptions* options) {
 bool ParseCommandLine(int argc, char** argv, MergerOptions* options) {
   return ParseAndCheck(argc, argv, "lazy_merger",
                        "colmap lazy_merger: joins the results of all shards of a colmap lazy_localizer run.", options);
+}
+
+bool ParseCommandLine(int argc, char** argv, EpochCommandOptions* options) {
+  return ParseAndCheck(argc, argv, "lazy_epoch",
+                       "colmap lazy_epoch: adjusts new photos that colmap lazy_localizer has localized, all together, "
+                       "with the database images held constant.",
+                       options);
 }
 
 std::vector<std::tuple<std::string, std::string, std::string>> ListSettings() {

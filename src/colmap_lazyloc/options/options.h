@@ -5,6 +5,7 @@
 #include <tuple>
 #include <vector>
 
+#include "colmap_lazyloc/epoch/epoch.h"
 #include "colmap_lazyloc/group/localizer_options.h"
 #include "colmap_lazyloc/loading/query_source.h"
 #include "colmap_lazyloc/runs/unfinished_run.h"
@@ -38,12 +39,20 @@ struct MergerOptions {
   std::string database_path, model_path;  // empty: those of the shards
 };
 
+// Everything that `colmap lazy_epoch` takes.
+struct EpochCommandOptions {
+  std::string database_path, input_path, localized_path, output_path;
+  bool with_database = false;
+  EpochOptions epoch;
+};
+
 // Parses the command line and the file that --project_path names (COLMAP's .ini format; the command line wins). Returns
 // false if only the help or the version was requested, which is then printed. Throws InputError naming the option if it
 // is unknown or missing or has an impossible value.
 bool ParseCommandLine(int argc, char** argv, CommandOptions* options);
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options);
 bool ParseCommandLine(int argc, char** argv, MergerOptions* options);
+bool ParseCommandLine(int argc, char** argv, EpochCommandOptions* options);
 
 // Returns the versions of this program and of COLMAP, for example "colmap_lazyloc 0.1.0, COLMAP 3.10".
 std::string ProgramVersion();

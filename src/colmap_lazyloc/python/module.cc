@@ -158,6 +158,7 @@ NB_MODULE(_core, module) {
   };
   add_command("run_lazy_localizer", RunLazyLocalizer);
   add_command("run_lazy_indexer", RunLazyIndexer);
+  add_command("run_lazy_epoch", RunLazyEpoch);
   add_command("run_lazy_merger", RunLazyMerger);
 }
 

@@ -196,6 +196,11 @@ Json RecordToJson(const QueryRecord& record, const std::optional<GeodeticPoint>&
   AddConfidence(result, &json);
   AddPose(result, &json);
   AddMapPose(result, origin, &json);
+  if (record.epoch) {
+    json["epoch"] = {{"hangs_on", record.epoch->hangs_on_others ? "new_photos" : "database"},
+                     {"is_adjusted", record.epoch->is_adjusted},
+                     {"shift", record.epoch->shift}};
+  }
   const bool has_rig = !result.frame_name.empty();
   json["frame"] = has_rig ? Json(result.frame_name) : Json();
   json["rig_from_world"] =

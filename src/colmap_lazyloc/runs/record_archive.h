@@ -57,6 +57,8 @@ LAZYLOC_ARCHIVE(DepthMapResult, database_name, verdict, num_points, scale, scale
 LAZYLOC_ARCHIVE(DepthResult, maps, num_points, fixes_distance)
 LAZYLOC_ARCHIVE(DatabasePoseNoise, source, num_pairs, viewpoint_px, rotation_px, position_px)
 
+LAZYLOC_ARCHIVE(EpochResult, hangs_on_others, is_adjusted, shift)
+
 // Leaves the points out, which are a part of their own.
 template <typename Archive>
 void serialize(Archive& archive, LocalizationResult& result) {
@@ -73,9 +75,9 @@ void serialize(Archive& archive, LocalizationResult& result) {
 // Leaves the keypoints out, which are a part of their own.
 template <typename Archive>
 void serialize(Archive& archive, QueryRecord& record) {
-  auto& [result, keypoints, seconds, total_seconds, intrinsics_source, matcher, damages] = record;
+  auto& [result, keypoints, seconds, total_seconds, intrinsics_source, matcher, damages, epoch] = record;
   static_cast<void>(keypoints);
-  archive(result, seconds, total_seconds, intrinsics_source, matcher, damages);
+  archive(result, seconds, total_seconds, intrinsics_source, matcher, damages, epoch);
 }
 
 // Returns the bytes of a value, the same on every machine.

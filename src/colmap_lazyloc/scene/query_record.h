@@ -13,6 +13,13 @@
 
 namespace lazyloc {
 
+// What an adjustment of new photos together has made of a query.
+struct EpochResult {
+  bool hangs_on_others = false;  // true if only matches with other new photos give its pose
+  bool is_adjusted = false;      // false if it keeps the pose that it was localized at
+  double shift = 0;              // of the position, by the adjustment
+};
+
 // Everything that the output files say of a query.
 struct QueryRecord {
   LocalizationResult result;
@@ -23,6 +30,7 @@ struct QueryRecord {
   std::optional<MatcherType> matcher = std::nullopt;  // of a photo whose features were extracted; never AUTO
   // Damaged records of the database that were left out, with what is wrong, as in DamagedRecordError.
   std::vector<std::string> damages = {};
+  std::optional<EpochResult> epoch = std::nullopt;  // nullopt if it was not adjusted with other queries
 };
 
 }  // namespace lazyloc

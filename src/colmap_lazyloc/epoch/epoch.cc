@@ -1,0 +1,210 @@
+#include "colmap_lazyloc/epoch/epoch.h"
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <utility>
+
+#include "colmap_lazyloc/epoch/adjustment_rounds.h"
+#include "colmap_lazyloc/epoch/epoch_cameras.h"
+#include "colmap_lazyloc/epoch/epoch_scene.h"
+#include "colmap_lazyloc/epoch/hanging.h"
+#include "colmap_lazyloc/scene/equirectangular.h"
+#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr int kMaxNumHangings = 10;  // the length of a chain of photos
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+// True if the photo can be adjusted with others: it has keypoints, and a camera that is not spherical.
+bool CanBeAdjusted(const DatabaseReader& database, const DatabaseImage& image) {
+  try {
+    return !IsEquirectangular(database.ReadCamera(image.camera_id)) &&
+           !database.ReadKeypointsOnce(image.image_id).empty();
+  } catch (const DamagedRecordError&) {
+    return false;
+  }
+}
+
+std::vector<EpochPhoto> MakePhotos(std::vector<LocalizationResult> localized, const DatabaseReader& database) {
+  const std::vector<DatabaseImage> images = database.ReadImages();
+  std::vector<EpochPhoto> photos;
+  for (LocalizationResult& result : localized) {
+    EpochPhoto photo;
+    const DatabaseImage* image = FindByName(images, result.query_name);
+    if (image != nullptr && CanBeAdjusted(database, *image)) {
+      photo.database_id = image->image_id;
+      photo.is_placed = result.status == QueryStatus::LOCALIZED;
+      photo.localized_pose = result.cam_from_world;
+      photo.record.epoch = EpochResult();
+    }
+    photo.record.result = std::move(result);
+    photos.push_back(std::move(photo));
+  }
+  return photos;
+}
+
+// Takes over poses, covariances and cameras.
+void TakeAdjusted(const EpochScene& epoch, const JointAdjustment& adjustment, std::vector<EpochCamera>* cameras,
+                  std::vector<EpochPhoto>* photos) {
+  for (size_t i = 0; i < cameras->size(); ++i) (*cameras)[i].camera = epoch.scene.cameras[i].camera;
+  for (size_t i = 0; i < epoch.photos.size(); ++i) {
+    EpochPhoto& photo = (*photos)[epoch.photos[i]];
+    LocalizationResult& result = photo.record.result;
+    const Rigid3d& relative = epoch.scene.images[i].cam_from_world;
+    if (!adjustment.covariances[i].allFinite()) continue;  // it keeps the pose that it was localized at
+    result.cam_from_world = RelativeTo(-epoch.origin, relative);
+    photo.record.epoch->is_adjusted = true;
+    photo.record.epoch->shift = (CamInWorld(result.cam_from_world) - CamInWorld(photo.localized_pose)).norm();
+    const PoseDistribution pose = MakePoseDistribution(relative, adjustment.covariances[i]);
+    result.covariance = pose.CovarianceAt(result.cam_from_world.translation);
+    result.spread = pose.Spread();
+    const EpochCamera& camera = (*cameras)[photo.camera];
+    const uint32_t camera_id = result.query_camera.camera_id;
+    result.query_camera = camera.camera;
+    result.query_camera.camera_id = camera_id;
+    if (!camera.is_constant) {
+      result.is_camera_refined = true;
+      result.intrinsics.verdict = IntrinsicsVerdict::REFINED;
+    }
+  }
+}
+
+// Gives the photos of a scene the pairs and the points of the last adjustment.
+class PointsAdder {
+ public:
+  PointsAdder(const EpochScene& epoch, std::vector<EpochPhoto>* photos)
+      : epoch_(epoch),
+        photos_(*photos),
+        num_photos_(static_cast<int>(epoch.photos.size())),
+        pair_of_image_(epoch.photos.size()) {}
+
+  void AddAll() {
+    for (int i = 0; i < num_photos_; ++i) Clear(&ResultOf(i));
+    AddPairs();
+    for (const JointPoint& point : epoch_.scene.points) AddPoint(point);
+    for (int i = 0; i < num_photos_; ++i) {
+      LocalizationResult& result = ResultOf(i);
+      result.num_observations = result.num_tracks;
+      result.mean_reprojection_error_px /= std::max(result.num_tracks, 1);
+    }
+  }
+
+ private:
+  LocalizationResult& ResultOf(int image) { return photos_[epoch_.photos[image]].record.result; }
+
+  static void Clear(LocalizationResult* result) {
+    result->pairs.clear();
+    result->points.clear();
+    result->num_tracks = result->num_observations = 0;
+    result->mean_reprojection_error_px = 0;
+  }
+
+  // Adds a pair for each image that a photo shares matches with, in the order of names.
+  void AddPairs() {
+    std::vector<std::map<std::string, std::pair<int, int>>> pairs(epoch_.photos.size());  // image and matches, by name
+    for (const JointPair& pair : epoch_.scene.pairs) {
+      const auto count = static_cast<int>(pair.matches.size());
+      for (const auto& [image, other] : {std::pair(pair.image1, pair.image2), std::pair(pair.image2, pair.image1)}) {
+        if (image < num_photos_) pairs[image].emplace(epoch_.names[other], std::pair(other, count));
+      }
+    }
+    for (int i = 0; i < num_photos_; ++i) {
+      for (const auto& name_and_other : pairs[i]) PairOf(i, name_and_other.second.first, name_and_other.second.second);
+    }
+  }
+
+  // Returns the index of a photo's pair with another image, which is added if there is none: a chain of matches may
+  // lead to an image without matches with the photo.
+  int PairOf(int image, int other, int num_matches) {
+    std::vector<PairResult>& pairs = ResultOf(image).pairs;
+    const auto [entry, is_new] = pair_of_image_[image].emplace(other, static_cast<int>(pairs.size()));
+    if (is_new) pairs.push_back({epoch_.names[other], num_matches, kUnknown, kUnknown});
+    return entry->second;
+  }
+
+  // Adds a point to the first photo that observes it, and counts it for all.
+  void AddPoint(const JointPoint& joint) {
+    const JointObservation& first = joint.observations.front();
+    if (first.image >= num_photos_) return;  // only database images see it
+    PointResult point;
+    point.point_in_world = joint.point_in_world + epoch_.origin;
+    point.query_point = static_cast<int>(first.keypoint);
+    double sum = 0;
+    for (const JointObservation& observation : joint.observations) {
+      const double error_px = ReprojectionErrorPx(epoch_.scene, joint, observation);
+      sum += error_px;
+      if (observation.image < num_photos_) {
+        ++ResultOf(observation.image).num_tracks;
+        ResultOf(observation.image).mean_reprojection_error_px += error_px;
+      }
+      if (observation.image == first.image) continue;
+      point.observations.emplace_back(PairOf(first.image, observation.image, 0),
+                                      static_cast<int>(observation.keypoint));
+    }
+    point.mean_reprojection_error_px = sum / static_cast<double>(joint.observations.size());
+    ResultOf(first.image).points.push_back(std::move(point));
+  }
+
+  const EpochScene& epoch_;
+  std::vector<EpochPhoto>& photos_;
+  const int num_photos_;
+  std::vector<std::map<int, int>> pair_of_image_;  // index of a photo's pair, by the other image
+};
+
+// Counts the photos with poses by camera, and takes the first intrinsics of a camera from a photo that hangs.
+void CountPhotos(const std::vector<EpochPhoto>& photos, std::vector<EpochCamera>* cameras) {
+  std::vector<int> counts(cameras->size(), 0);
+  for (const EpochPhoto& photo : photos) {
+    if (!photo.is_placed) continue;
+    EpochCamera& camera = (*cameras)[photo.camera];
+    if (camera.num_photos == 0 && counts[photo.camera] == 0) camera.camera = photo.record.result.query_camera;
+    ++counts[photo.camera];
+  }
+  for (size_t i = 0; i < counts.size(); ++i) (*cameras)[i].num_photos = counts[i];
+}
+
+}  // namespace
+
+bool EpochOptions::Check(std::string* error) const {
+  if (num_threads < 1 && num_threads != -1) *error = "num_threads must be >= 1, or -1";
+  if (!(min_confidence >= 0 && min_confidence <= 1)) *error = "min_confidence must be from 0 to 1";
+  return error->empty();
+}
+
+std::vector<QueryRecord> AdjustEpoch(const Model& model, std::vector<LocalizationResult> localized,
+                                     const DatabaseReader& database, const EpochOptions& options,
+                                     const std::filesystem::path& scratch_file,
+                                     const std::function<void(const std::string&)>& report) {
+  std::vector<EpochPhoto> photos = MakePhotos(std::move(localized), database);
+  std::vector<EpochCamera> cameras = ChooseCameras(model, database, options.shares_intrinsics, &photos);
+  EpochSceneBuilder builder(model, database, photos);
+  const HangingOptions hanging = {database.Path().string(), options.min_confidence, options.num_threads, scratch_file};
+  EpochScene epoch;
+  for (int i = 0; i <= kMaxNumHangings; ++i) {
+    epoch = builder.Build(photos, cameras);
+    const JointAdjustment adjustment = AdjustInRounds(&epoch.scene);
+    report(Format("adjusted %d photos with %d constant images and %d points: %s", static_cast<int>(epoch.photos.size()),
+                  static_cast<int>(epoch.scene.images.size() - epoch.photos.size()),
+                  static_cast<int>(epoch.scene.points.size()), adjustment.summary.message.c_str()));
+    if (adjustment.summary.success) TakeAdjusted(epoch, adjustment, &cameras, &photos);
+    const int num_found = HangPhotos(model, cameras, hanging, &photos);
+    if (num_found == 0) break;
+    report(Format("%d photos hang on others", num_found));
+    for (EpochPhoto& photo : photos) {
+      if (!photo.hangs_on_others) continue;
+      photo.record.epoch->hangs_on_others = true;
+    }
+    CountPhotos(photos, &cameras);
+  }
+  PointsAdder(epoch, &photos).AddAll();
+  std::vector<QueryRecord> records;
+  for (EpochPhoto& photo : photos) records.push_back(std::move(photo.record));
+  return records;
+}
+
+}  // namespace lazyloc

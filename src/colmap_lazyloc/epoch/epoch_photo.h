@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "colmap_lazyloc/scene/query_record.h"
+
+namespace lazyloc {
+
+// Intrinsics that photos of an epoch share.
+struct EpochCamera {
+  Camera camera;
+  bool is_constant = false;  // a camera of the database images
+  int num_photos = 0;        // that have it and a pose
+};
+
+// New photo of an epoch.
+struct EpochPhoto {
+  QueryRecord record;                   // its pose is adjusted in place
+  std::optional<uint32_t> database_id;  // nullopt if the database has no keypoints of it
+  Rigid3d localized_pose;               // before adjustment
+  int camera = -1;                      // index of an EpochCamera
+  bool is_placed = false;               // true if it has a pose that is adjusted with the others
+  bool hangs_on_others = false;         // true if only other new photos give its pose
+
+  const std::string& Name() const { return record.result.query_name; }
+  const Rigid3d& Pose() const { return record.result.cam_from_world; }
+};
+
+}  // namespace lazyloc

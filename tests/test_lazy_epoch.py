@@ -1,0 +1,147 @@
+"""Tests of `colmap lazy_epoch`: new photos are adjusted together, and the database images keep every bit."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from colmap_lazyloc.model import read_model
+from colmap_lazyloc.results import read_results, to_pose
+from colmap_lazyloc.testing import synthetic
+
+NUM_PHOTOS = 8
+HIDDEN = "query/000.jpg"  # shares matches only with other new photos
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory, write_scene_files):
+    scene = synthetic.make_scene(
+        synthetic.arc(7), synthetic.arc(NUM_PHOTOS, radius=5, height=-0.7), noise_px=0.5, database_pairs=True
+    )
+    scene.pairs = {names: pair for names, pair in scene.pairs.items() if HIDDEN not in names or names[0][0] != "d"}
+    return write_scene_files(tmp_path_factory.mktemp("scene"), scene)
+
+
+@pytest.fixture(scope="module")
+def localized(localize, files):
+    run = localize(*files.arguments)
+    assert run.exit_code == 0 and run.statuses[HIDDEN] == "NO_PAIRS", run.stderr
+    return run
+
+
+@pytest.fixture(scope="module")
+def start(colmap, files):
+    """Runs `colmap lazy_epoch`; `changed`: options that take the place of the usual ones."""
+
+    def run(localized_path, output_path, *more, **changed):
+        options = {
+            "database_path": files.database_path,
+            "input_path": files.model_path,
+            "localized_path": localized_path,
+            "output_path": output_path,
+            **changed,
+        }
+        words = [word for name, value in options.items() for word in (f"--{name}", value)]
+        command = [colmap, "lazy_epoch", *words, *more]
+        return subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=300)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def epoch(start, localized, tmp_path_factory):
+    output = tmp_path_factory.mktemp("epoch") / "output"
+    done = start(localized.output_path, output, "--LazyEpoch.with_database", 1)
+    assert done.returncode == 0, done.stderr
+    return output
+
+
+def position_errors(results, files):
+    poses = {name: to_pose(result["cam_from_world"]) for name, result in results.items()}
+    return {name: pose.errors(files.scene.images[name].pose)[0] for name, pose in poses.items() if pose is not None}
+
+
+def test_photos_are_more_exact_together(epoch, localized, files):
+    alone = position_errors(localized.results, files)
+    together = position_errors(read_results(epoch / "results.jsonl"), files)
+    rms = [np.sqrt(np.mean([errors[name] ** 2 for name in alone])) for errors in (alone, together)]
+    assert rms[1] < rms[0]
+
+
+def test_photo_that_the_database_does_not_see_hangs_on_others(epoch, files):
+    results = read_results(epoch / "results.jsonl")
+    assert {name: result["epoch"]["hangs_on"] for name, result in results.items()} == {
+        name: "new_photos" if name == HIDDEN else "database" for name in results
+    }
+    hidden = results[HIDDEN]
+    assert hidden["status"] == "LOCALIZED" and hidden["epoch"]["is_adjusted"]
+    assert position_errors(results, files)[HIDDEN] < 5 * np.linalg.norm(hidden["position_stddevs"])
+    assert 0.9 <= hidden["confidence"] < 1
+
+
+def test_model_has_both_epochs_and_the_database_keeps_every_bit(epoch, files):
+    given, model = read_model(files.model_path), read_model(epoch / "model")
+    assert set(model.images) == set(files.scene.images)
+    for name, image in given.images.items():
+        assert model.images[name].pose.bits() == image.pose.bits()
+        assert model.cameras[model.images[name].camera_id] == given.cameras[image.camera_id]
+    assert all((image.points2d["point3d_id"] >= 0).sum() > 50 for image in model.images.values())
+
+
+def test_model_of_the_new_epoch_alone(start, localized, tmp_path):
+    done = start(localized.output_path, tmp_path / "output")
+    assert done.returncode == 0, done.stderr
+    names = sorted(read_model(tmp_path / "output/model").images)
+    assert names == [f"query/{i:03d}.jpg" for i in range(NUM_PHOTOS)]
+
+
+def test_other_commands_of_colmap_read_the_model(colmap, epoch):
+    done = subprocess.run([colmap, "model_analyzer", "--path", epoch / "model"], capture_output=True, text=True)
+    assert done.returncode == 0 and "Registered images: 15" in done.stdout + done.stderr
+
+
+def test_same_input_same_output(start, localized, epoch, tmp_path):
+    start(localized.output_path, tmp_path / "output", "--LazyEpoch.with_database", 1)
+    for name in ("poses.txt", "model/images.bin", "model/points3D.bin"):
+        assert (tmp_path / "output" / name).read_bytes() == (epoch / name).read_bytes()
+
+
+@pytest.mark.parametrize("option", ["database_path", "input_path", "localized_path"])
+def test_missing_file_is_named(start, localized, tmp_path, option):
+    done = start(localized.output_path, tmp_path / "output", **{option: tmp_path / "missing"})
+    assert_refused(done, tmp_path, str(tmp_path / "missing"))
+
+
+def assert_refused(done, tmp_path, text):
+    assert done.returncode == 1 and done.stderr.startswith("ERROR: ") and done.stderr.count("\n") == 1, done.stderr
+    assert text in done.stderr
+    assert not (tmp_path / "output").exists()
+
+
+def test_damaged_result_is_named(start, localized, tmp_path):
+    shutil.copytree(localized.output_path, tmp_path / "localized")
+    path = tmp_path / "localized/results.jsonl"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:2], lines[2][:50], *lines[3:]]) + "\n")
+    assert_refused(start(tmp_path / "localized", tmp_path / "output"), tmp_path, f"{path}:3")
+
+
+def test_results_without_a_pose_are_refused(start, localized, tmp_path):
+    shutil.copytree(localized.output_path, tmp_path / "localized")
+    path = tmp_path / "localized/results.jsonl"
+    result = json.loads(path.read_text().splitlines()[0])
+    assert result["status"] == "NO_PAIRS"
+    path.write_text(json.dumps(result) + "\n")
+    assert_refused(start(tmp_path / "localized", tmp_path / "output"), tmp_path, "no photo is localized")
+
+
+def test_output_must_not_be_the_input(start, localized):
+    done = start(localized.output_path, localized.output_path)
+    assert done.returncode == 1 and "--localized_path" in done.stderr
+
+
+def test_impossible_confidence_is_named(start, localized, tmp_path):
+    done = start(localized.output_path, tmp_path / "output", "--LazyEpoch.min_confidence", 2)
+    assert_refused(done, tmp_path, "--LazyEpoch.min_confidence")
