@@ -4,6 +4,7 @@ import importlib
 import sys
 
 COMMANDS = {
+    "epoch": ("epoch", "new photos localized alone, adjusted together, and in a model that may move everything"),
     "run": ("localization.run", "several methods on the scenes of a dataset: tables, plots, figures as CSV"),
     "compare": ("localization.compare", "runs side by side, or against expected figures; fails on a regression"),
     "groups": ("localization.groups", "queries localized jointly, as frames of a rig, as pieces of a trajectory"),

@@ -66,6 +66,18 @@ def add_images(path: pathlib.Path, cameras: Mapping[str, Camera]) -> None:
                 _insert(connection, "frame_data", _FRAME_DATA_COLUMNS, data)
 
 
+def set_cameras(path: pathlib.Path, cameras: Mapping[str, Camera]) -> None:
+    """Gives images by name the intrinsics of a camera, in place of those that they have."""
+    with contextlib.closing(connect(path, "rw")) as connection, connection:
+        for name, camera in cameras.items():
+            values = CAMERA_MODEL_IDS[camera.model], struct.pack(f"<{len(camera.params)}d", *camera.params)
+            connection.execute(
+                "UPDATE cameras SET model = ?, params = ? WHERE camera_id = "
+                "(SELECT camera_id FROM images WHERE name = ?)",
+                (*values, name),
+            )
+
+
 def copy_database(source: pathlib.Path, target: pathlib.Path) -> None:
     """Copies a database, with what its write-ahead log still holds."""
     with contextlib.closing(connect(source)) as database, contextlib.closing(connect(target, "rwc")) as copy:

@@ -112,6 +112,14 @@ class RunnerUpFields(TypedDict):
     position: list[float]
 
 
+class EpochFields(TypedDict):
+    """What an adjustment of new photos together has made of a photo."""
+
+    hangs_on: str
+    is_adjusted: bool
+    shift: float
+
+
 class ResultFields(TypedDict):
     """A line of results.jsonl."""
 
@@ -122,6 +130,7 @@ class ResultFields(TypedDict):
     confidence: float | None
     evidence: EvidenceFields | None
     runner_up: NotRequired[RunnerUpFields]
+    epoch: NotRequired[EpochFields]
     cam_from_world: PoseFields | None
     unconfirmed_cam_from_world: PoseFields | None
     covariance: list[list[float]] | None

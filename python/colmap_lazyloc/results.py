@@ -11,7 +11,7 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.project.folder import LOCALIZED, RECORD, Folder
+from colmap_lazyloc.project.folder import EPOCH, LOCALIZED, RECORD, Folder
 from colmap_lazyloc.result_fields import PoseFields, ResultFields
 from colmap_lazyloc.text_files import Path, open_text
 
@@ -31,7 +31,7 @@ def find_run(path: Path) -> FoundRun:
     """Returns what there is in the output folder of `colmap lazy_localizer` or of `lazyloc run`, which has its newest
     results, or in a folder of earlier results in it."""
     path = pathlib.Path(path)
-    results = next((folder for folder in (path, path / LOCALIZED) if (folder / RESULTS).is_file()), None)
+    results = next((folder for folder in (path, path / EPOCH, path / LOCALIZED) if (folder / RESULTS).is_file()), None)
     around = [] if results is None else results.resolve().parents
     project = next((Folder(folder) for folder in (path, *around[:1], *around[2:3]) if (folder / RECORD).exists()), None)
     return FoundRun(results, project)

@@ -31,7 +31,8 @@ from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.alignment import Distance
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
-from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, content, fingerprint
+from colmap_lazyloc.project.epoch import adjust_epoch
+from colmap_lazyloc.project.folder import DATABASE, MATCHES, QUERY, RECORD, Folder, Steps, content, fingerprint
 from colmap_lazyloc.project.frames import is_video, write_frames
 from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.options import (
@@ -131,11 +132,16 @@ def _run(arguments: Sequence[str] | None) -> int:
     known = _known_lengths(options, database, positions)
     steps.make_model(project, used, posed, not database.widths, known)
     _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
-    database_path = project.folder.query_database if has_stored_queries(options) else project.folder.database
+    results, database_path = project.folder.localized, project.folder.database
+    if has_stored_queries(options):
+        database_path = project.folder.query_database
+    if options.epoch is not None and _has_pose(results):
+        adjust_epoch(project, database_path if has_stored_queries(options) else None, options.epoch == "both")
+        results, database_path = project.folder.epoch, project.folder.epoch / MATCHES
     options.unit = METRE if known is not None else options.unit
-    _write_report(project.folder, database_path, options)
+    _write_report(project.folder, results, database_path, options)
     project.results.link()
-    _print_results(project.folder, queries.shown(), options.unit)
+    _print_results(results, project.folder.report, queries.shown(), options.unit)
     if lazy is not None:
         steps.complete_database(project, _select(lazy, {name: name for name in used}), num_neighbors)
     return 0 if project.folder.report.exists() else 1
@@ -179,6 +185,7 @@ def _open_project(
         str(options.queries),
         given,
         is_video(options.database_images),
+        options.epoch is not None,
     )
 
 
@@ -344,15 +351,19 @@ def _localize(
     steps.localize(project, lines, len(used), words, has_stored_queries(options), on_demand)
 
 
-def _write_report(folder: Folder, database: pathlib.Path, options: argparse.Namespace) -> None:
+def _has_pose(results: pathlib.Path) -> bool:
+    return any(pose_of(result) is not None for result in read_results(results / RESULTS).values())
+
+
+def _write_report(folder: Folder, results: pathlib.Path, database: pathlib.Path, options: argparse.Namespace) -> None:
     """Writes the report. If it fails, it warns, because the results are there."""
     from colmap_lazyloc.report.__main__ import main as write_report
 
     folder.report.unlink(missing_ok=True)
-    words = [str(folder.localized), "--database_path", str(database), "--output", str(folder.report)]
+    words = [str(results), "--database_path", str(database), "--output", str(folder.report)]
     if options.unit is not None:
         words += ["--unit", options.unit]
-    if options.crs is not None and read_geodetic(folder.localized):
+    if options.crs is not None and read_geodetic(results):
         words += ["--crs", options.crs]
     elif options.crs is not None and options.poses is None:
         logger.warning("--crs %s has no effect, because the coordinates are not geographic", options.crs)
@@ -367,27 +378,25 @@ def _write_report(folder: Folder, database: pathlib.Path, options: argparse.Name
     except Exception as error:
         cause = f"{type(error).__name__}: {error}"
     if not folder.report.exists():
-        logger.warning(
-            "%s: the report was not written (%s); the results are in %s", folder.report, cause, folder.localized
-        )
+        logger.warning("%s: the report was not written (%s); the results are in %s", folder.report, cause, results)
 
 
-def _print_results(folder: Folder, shown: dict[str, str], unit: str | None) -> None:
-    """Prints where the queries are; `shown`: what they are called, by name."""
-    results = read_results(folder.localized / RESULTS)
+def _print_results(folder: pathlib.Path, report: pathlib.Path, shown: dict[str, str], unit: str | None) -> None:
+    """Prints where the queries of a folder of results are; `shown`: what they are called, by name."""
+    results = read_results(folder / RESULTS)
     names = {name: text for name, text in shown.items() if name in results}
-    lines = position_lines(results, names, read_geodetic(folder.localized), unit_of(folder.localized, unit))
+    lines = position_lines(results, names, read_geodetic(folder), unit_of(folder, unit))
     for line in lines[: MAX_NUM_LINES + 1]:
         print(line)
     if len(lines) > MAX_NUM_LINES + 1:
-        print(f"... and {len(lines) - MAX_NUM_LINES - 1} more: {folder.localized / 'positions.csv'}")
+        print(f"... and {len(lines) - MAX_NUM_LINES - 1} more: {folder / 'positions.csv'}")
     count = sum(pose_of(results[name]) is not None for name in names)
-    print(f"{count} of {len(shown)} queries localized: {folder.localized}".encode(errors="replace").decode())
+    print(f"{count} of {len(shown)} queries localized: {folder}".encode(errors="replace").decode())
     if count == 0:
         logger.warning(
             "no query was localized: look at the reasons above and at the warnings of %s, and check that the queries "
             "show the place of the database images",
-            folder.report,
+            report,
         )
 
 

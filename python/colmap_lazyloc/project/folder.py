@@ -38,10 +38,17 @@ FILES = {
 }
 CHAIN = ("features", "matches", "sparse", "model", "queries")  # steps that each work on what those before have made
 RECORD = "steps.json"  # of the steps that are done
-LOCALIZED, REPORT, RUN, EARLIER = "localized", "report.html", "run.json", "earlier"  # results, which kept.py keeps
+LOCALIZED, EPOCH, REPORT, RUN, EARLIER = (
+    "localized",
+    "epoch",
+    "report.html",
+    "run.json",
+    "earlier",
+)  # results, which kept.py keeps
+MATCHES = "matches.db"  # features and matches of the photos, in the folder of an epoch
 ALIGNMENT = "alignment.txt"  # beside a model of the mapper: one sentence on where its metres come from
 # Of no step; "converted" and the results are kept, the others are written anew.
-OTHER_FILES = ("converted", "images", "masks", "lists", LOCALIZED, REPORT, RUN, EARLIER)
+OTHER_FILES = ("converted", "images", "masks", "lists", LOCALIZED, EPOCH, REPORT, RUN, EARLIER)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +70,7 @@ class Folder:
     vocab_tree = property(lambda self: self.path / "vocab_tree.bin")
     lists = property(lambda self: self.path / "lists")
     localized = property(lambda self: self.path / LOCALIZED)
+    epoch = property(lambda self: self.path / EPOCH)
     report = property(lambda self: self.path / REPORT)
     log = property(lambda self: self.path / "log.txt")
     steps = property(lambda self: self.path / RECORD)

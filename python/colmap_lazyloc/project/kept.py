@@ -1,9 +1,10 @@
 """The results in a project's folder: the newest at its top, those of earlier runs in `earlier/N`.
 
-The results of a run are `localized/`, `report.html` and `run.json`, which says what they were made of. If a run needs
-other results, these files move to the folder with the next number. If it needs results that are there already, these
-move back. Meanwhile there is a folder `earlier/moving`, or a link `earlier/returning` to the folder that they come
-from, so that the next run knows that a move was interrupted, and completes it before it writes anything.
+The results of a run are `localized/`, `epoch/` (with --epoch), `report.html` and `run.json`, which says what they were
+made of. If a run needs other results, these files move to the folder with the next number. If it needs results that are
+there already, these move back. Meanwhile there is a folder `earlier/moving`, or a link `earlier/returning` to the
+folder that they come from, so that the next run knows that a move was interrupted, and completes it before it writes
+anything.
 """
 
 import contextlib
@@ -15,11 +16,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from colmap_lazyloc.errors import logger
-from colmap_lazyloc.project.folder import EARLIER, LOCALIZED, REPORT, RUN, Folder, remove
+from colmap_lazyloc.project.folder import EARLIER, EPOCH, LOCALIZED, REPORT, RUN, Folder, remove
 from colmap_lazyloc.report.page import set_links
 from colmap_lazyloc.results import RESULTS
 
-FILES = (LOCALIZED, REPORT, RUN)
+FILES = (LOCALIZED, EPOCH, REPORT, RUN)
 MOVING, RETURNING = "moving", "returning"
 RECORDS = "unfinished/records.bin"  # of an interrupted run of lazy_localizer
 
@@ -66,6 +67,7 @@ class KeptResults:
             return False
         if run.get("key") != key or run.get("inputs") != inputs:
             remove(self._folder.localized)
+            remove(self._folder.epoch)
         _write(top, {"key": key, "inputs": inputs, "finished": False, "queries": queries, "command": command})
         return True
 

@@ -137,6 +137,14 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         help="match N consecutive queries with each other and localize them together; N may be left out "
         f"({GROUP_SIZE}); default: each query is localized alone",
     )
+    add(
+        "--epoch",
+        nargs="?",
+        choices=("new", "both"),
+        const="new",
+        help="adjust all new photos together, with the database images held constant; the model of the results has the "
+        "new photos, or with `--epoch both` the database images, too",
+    )
     add = parser.add_argument_group("steps").add_argument
     add(
         "--complete",
@@ -217,6 +225,8 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
         raise InputError("--panoramas excludes --masks and --sequence")
     if options.one_camera and (options.query_camera is not None or options.sequence is not None or QUERY in roles):
         raise InputError("--one_camera excludes --query_camera, --sequence and panoramas as queries")
+    if options.epoch is not None and QUERY in roles:
+        raise InputError("--epoch needs perspective photos, but --panoramas says that queries are panoramas")
     if QUERY in roles and options.query_camera is not None:
         raise InputError(
             "--query_camera is that of perspective photos, but --panoramas says that queries are panoramas"

@@ -28,7 +28,7 @@ from colmap_lazyloc.pose_formats.posed_images import PosedImages, Positions, pho
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
 from colmap_lazyloc.project.alignment import Distance, NotAlignedError, align_to_positions, scale_to_distance
 from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
-from colmap_lazyloc.project.folder import ALIGNMENT, Folder, Steps, content, fingerprint, remove
+from colmap_lazyloc.project.folder import ALIGNMENT, MATCHES, Folder, Steps, content, fingerprint, remove
 from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
 from colmap_lazyloc.project.photos import contents, has_bad_mask, warn_left_out
@@ -57,6 +57,7 @@ class Project:
     queries: str  # as they were given
     command: str  # that was given
     is_film: bool  # the database images are the frames of a video
+    has_epoch: bool  # the queries are adjusted together
 
     def add(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
         """Adds images by name without features, as far as their cameras are known."""
@@ -342,8 +343,17 @@ def localize(
     # Photos in memory do not depend on the matches of the database.
     made = [steps.keys("features", *(("matches", "queries") if is_stored else ())), content(folder.model)]
     key = fingerprint(
-        made, query_lines, contents(folder, query_lines), options, held, project.sift_options, is_stored, on_demand
+        project.has_epoch,
+        made,
+        query_lines,
+        contents(folder, query_lines),
+        options,
+        held,
+        project.sift_options,
+        is_stored,
+        on_demand,
     )
+    keeps_matches = project.has_epoch and not is_stored
     database = folder.query_database if is_stored else folder.database
     state = database.stat()
     if not project.results.begin(key, fingerprint(state.st_mtime_ns, state.st_size), project.queries, project.command):
@@ -364,7 +374,12 @@ def localize(
         words += ["--LazyLocalizer.Advanced.on_demand", 1]
     words += ["--query_list_path", folder.write_list("queries", query_lines.values())]
     # Goes on with an unfinished run of the same queries.
-    words += ["--output_path", folder.localized, "--resume" if folder.localized.exists() else "--overwrite", 1]
+    if keeps_matches:
+        remove(folder.epoch)
+        folder.epoch.mkdir()
+        words += ["--LazyLocalizer.Advanced.matches_output_path", folder.epoch / MATCHES]
+    resumes = folder.localized.exists() and not keeps_matches
+    words += ["--output_path", folder.localized, "--resume" if resumes else "--overwrite", 1]
     words += [*project.sift_options, *options]
     with ProgressBar(f"localizing {len(query_lines)} queries", len(query_lines), "queries") as bar:
         project.runner.run(words, bar)

@@ -1,0 +1,66 @@
+"""Tests of `lazyloc run --epoch`: new photos are matched with each other and adjusted together."""
+
+import pytest
+
+import photo_scene
+from colmap_lazyloc.__main__ import main
+from colmap_lazyloc.model import Camera, read_model
+from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.project.epoch import common_cameras, epoch_pairs
+from colmap_lazyloc.results import find_results
+
+POSE = {"qvec": [1.0, 0.0, 0.0, 0.0], "tvec": [0.0, 0.0, 0.0]}
+
+
+def result(x, **more):
+    pose = None if x is None else {**POSE, "tvec": [-float(x), 0.0, 0.0]}
+    return {"status": "NO_PAIRS" if x is None else "LOCALIZED", "cam_from_world": pose, **more}
+
+
+def test_photos_of_near_viewpoints_are_matched():
+    pairs = epoch_pairs({f"{x:03}": result(x) for x in range(60)})
+    assert ("000", "001") in pairs and ("000", "050") not in pairs
+    assert pairs == sorted(set(pairs)) and all(first < second for first, second in pairs)
+
+
+def test_photo_without_pose_is_matched_with_all_if_these_are_few():
+    results = {f"{x:03}": result(None if x == 7 else x) for x in range(40)}
+    assert sum("007" in pair for pair in epoch_pairs(results)) == 39
+    many = {f"{x:03}": result(None if x == 7 else x) for x in range(60)}
+    assert sum("007" in pair for pair in epoch_pairs(many)) == 10
+
+
+def test_guessed_intrinsics_become_the_median_of_what_was_found():
+    guess, other = Camera("SIMPLE_PINHOLE", 60, 40, (72.0, 30.0, 20.0)), Camera("PINHOLE", 60, 40, (5.0, 5.0, 3.0, 2.0))
+    refined = [{"model": "SIMPLE_PINHOLE", "width": 60, "height": 40, "params": [f, 30.0, 20.0]} for f in (50, 51, 90)]
+    results = {str(i): result(i, camera=camera) for i, camera in enumerate(refined)}
+    results |= {"3": result(None), "4": result(4)}
+    cameras = common_cameras(results, {**dict.fromkeys("0123", guess), "4": other})
+    assert cameras == dict.fromkeys("0123", Camera("SIMPLE_PINHOLE", 60, 40, (51.0, 30.0, 20.0)))
+
+
+def run(photos, output, *more):
+    words = ["run", "--database_images", photos.image_path / "database", "--poses", photos.model_path]
+    words += ["--queries", photos.image_path / "query", "--output", output, *photo_scene.SIFT, *more]
+    return main([str(word) for word in words])
+
+
+def test_run_places_photos_and_keeps_database_poses(colmap, photos, monkeypatch, tmp_path):
+    monkeypatch.setenv("COLMAP", str(colmap))
+    assert run(photos, tmp_path / "out", "--epoch", "both") == 0
+    assert find_results(tmp_path / "out") == tmp_path / "out/epoch"
+    poses = read_poses(tmp_path / "out/epoch/poses.txt")
+    assert sorted(poses) == photos.query_names
+    for name, pose in poses.items():
+        position_error, rotation_error_deg = pose.errors(photos.poses[name])
+        assert position_error < 0.05 and rotation_error_deg < 0.3
+    given, model = read_model(photos.model_path).images, read_model(tmp_path / "out/epoch/model").images
+    assert all(model[name].pose.bits() == image.pose.bits() for name, image in given.items())
+    assert (tmp_path / "out/report.html").exists()
+
+
+@pytest.mark.parametrize("role", ["queries", "all"])
+def test_panoramas_are_refused(colmap, photos, monkeypatch, tmp_path, capsys, role):
+    monkeypatch.setenv("COLMAP", str(colmap))
+    assert run(photos, tmp_path / "out", "--epoch", "--panoramas", role) == 1
+    assert "--epoch" in capsys.readouterr().err and not (tmp_path / "out").exists()
