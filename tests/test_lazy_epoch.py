@@ -35,11 +35,11 @@ def localized(localize, files):
 def start(colmap, files):
     """Runs `colmap lazy_epoch`; `changed`: options that take the place of the usual ones."""
 
-    def run(localized_path, output_path, *more, **changed):
+    def run(localized, output_path, *more, **changed):
         options = {
             "database_path": files.database_path,
             "input_path": files.model_path,
-            "localized_path": localized_path,
+            "localized_path": localized,
             "output_path": output_path,
             **changed,
         }

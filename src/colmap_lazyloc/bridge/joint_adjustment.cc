@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <type_traits>
@@ -123,9 +122,6 @@ class JointSolver {
     if (points_.empty()) return adjustment;
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::SPARSE_SCHUR;
-    options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    for (Eigen::Vector3d& point : points_) options.linear_solver_ordering->AddElementToGroup(point.data(), 0);
-    AddToOrdering(options.linear_solver_ordering.get());
     options.max_num_iterations = 100;
     options.function_tolerance = 1e-7;
     options.parameter_tolerance = 1e-12;
@@ -148,15 +144,6 @@ class JointSolver {
           MakeCost(scene_.cameras[image.camera].camera.model_id, image.keypoints[observation.keypoint], image.noise_px),
           new ceres::CauchyLoss(kLossScaleSigma), poses_[observation.image].data(), points_[index].data(),
           params_[image.camera].data());
-    }
-  }
-
-  void AddToOrdering(ceres::ParameterBlockOrdering* ordering) {
-    for (Pose& pose : poses_) {
-      if (problem_.HasParameterBlock(pose.data())) ordering->AddElementToGroup(pose.data(), 1);
-    }
-    for (std::vector<double>& params : params_) {
-      if (problem_.HasParameterBlock(params.data())) ordering->AddElementToGroup(params.data(), 1);
     }
   }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "colmap_lazyloc/bridge/joint_triangulation.h"
@@ -17,6 +18,9 @@ constexpr double kMinMaxErrorPx = 2;  // of later rounds
 constexpr double kMaxErrorSigma = 5;
 constexpr size_t kMinNumObservations = 15;  // of an image that is adjusted
 constexpr double kMinNoisePx = 0.2;
+// Maximum number of observations of a photo in points that are adjusted: the longest tracks determine poses, and time
+// grows with the points.
+constexpr size_t kMaxNumStartObservations = 500, kMaxNumObservations = 2000;
 // Number of observations that the common noise counts as in an image's estimate.
 constexpr double kNumCommonObservations = 20;
 
@@ -41,6 +45,27 @@ void RemoveMisfits(double max_error_px, JointScene* scene) {
   }
   const auto is_lost = [](const JointPoint& point) { return point.observations.size() < 2; };
   scene->points.erase(std::remove_if(scene->points.begin(), scene->points.end(), is_lost), scene->points.end());
+}
+
+// Keeps the points with the most observations, as long as a photo that observes them has not enough.
+void KeepLongestTracks(size_t max_num_observations, JointScene* scene) {
+  std::stable_sort(scene->points.begin(), scene->points.end(), [](const JointPoint& a, const JointPoint& b) {
+    return a.observations.size() > b.observations.size();
+  });
+  std::vector<size_t> counts(scene->images.size(), 0);
+  const auto is_superfluous = [&](const JointPoint& point) {
+    const bool is_needed = std::any_of(point.observations.begin(), point.observations.end(), [&](const auto& element) {
+      return !scene->images[element.image].is_constant && counts[element.image] < max_num_observations;
+    });
+    if (!is_needed) return true;
+    for (const JointObservation& observation : point.observations) ++counts[observation.image];
+    return false;
+  };
+  std::vector<JointPoint> kept;
+  for (JointPoint& point : scene->points) {
+    if (!is_superfluous(point)) kept.push_back(std::move(point));
+  }
+  scene->points = std::move(kept);
 }
 
 // Estimates the noise of each image by the median of its errors, with what the points absorb of them, shrunk towards
@@ -84,7 +109,9 @@ JointAdjustment AdjustInRounds(JointScene* scene) {
   for (int round = 0; round < kNumRounds; ++round) {
     scene->points = TriangulateJointly(*scene, max_error_px);
     RemoveMisfits(max_error_px, scene);
-    adjustment = AdjustJointly(/*computes_covariances=*/round + 1 == kNumRounds, scene);
+    const bool is_last = round + 1 == kNumRounds;
+    KeepLongestTracks(is_last ? kMaxNumObservations : kMaxNumStartObservations, scene);
+    adjustment = AdjustJointly(/*computes_covariances=*/is_last, scene);
     if (!adjustment.summary.success) return adjustment;
     EstimateNoise(scene);
     max_error_px = std::clamp(kMaxErrorSigma * LargestNoisePx(*scene), kMinMaxErrorPx, kStartMaxErrorPx);

@@ -125,13 +125,13 @@ TEST(AdjustInRounds, ConstantImagesAndCamerasKeepEveryBit) {
   }
 }
 
-// 300 points with 0.5 px at 600 px and a distance of 8 determine a position to about 8 / 600 * 0.5 / sqrt(300) along
-// each axis, and some times that towards the points.
+// 300 points in a depth of 1 with 0.5 px at 600 px and a distance of 8 determine a position towards the points to about
+// 8 * 8 / 600 * 0.5 / sqrt(300) = 0.003, and to twice as much because the focal length is estimated, too.
 TEST(AdjustInRounds, NoiseAverages) {
   TestScene scene = MakeScene({});
   const JointAdjustment adjustment = AdjustInRounds(&scene.given);
   ASSERT_TRUE(adjustment.summary.success);
-  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.004);
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.008);
   for (const JointImage& image : scene.given.images) EXPECT_NEAR(image.noise_px, 0.5, 0.1);
 }
 

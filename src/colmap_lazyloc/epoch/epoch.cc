@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/epoch/epoch_cameras.h"
 #include "colmap_lazyloc/epoch/epoch_scene.h"
 #include "colmap_lazyloc/epoch/hanging.h"
+#include "colmap_lazyloc/group/uncalibrated_camera.h"
 #include "colmap_lazyloc/scene/equirectangular.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
@@ -60,7 +61,8 @@ void TakeAdjusted(const EpochScene& epoch, const JointAdjustment& adjustment, st
     result.cam_from_world = RelativeTo(-epoch.origin, relative);
     photo.record.epoch->is_adjusted = true;
     photo.record.epoch->shift = (CamInWorld(result.cam_from_world) - CamInWorld(photo.localized_pose)).norm();
-    const PoseDistribution pose = MakePoseDistribution(relative, adjustment.covariances[i]);
+    // Takes errors into account that all matches with the database share, which no adjustment shows.
+    const PoseDistribution pose = MakePoseDistribution(relative, kCommonErrorFactor * adjustment.covariances[i]);
     result.covariance = pose.CovarianceAt(result.cam_from_world.translation);
     result.spread = pose.Spread();
     const EpochCamera& camera = (*cameras)[photo.camera];
