@@ -1,5 +1,8 @@
 """Tests of `lazyloc run --epoch`: new photos are matched with each other and adjusted together."""
 
+import pathlib
+
+import cv2
 import pytest
 
 import photo_scene
@@ -7,7 +10,7 @@ from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project.epoch import common_cameras, epoch_pairs
-from colmap_lazyloc.results import find_results
+from colmap_lazyloc.results import find_results, read_results
 
 POSE = {"qvec": [1.0, 0.0, 0.0, 0.0], "tvec": [0.0, 0.0, 0.0]}
 
@@ -39,9 +42,9 @@ def test_guessed_intrinsics_become_the_median_of_what_was_found():
     assert cameras == dict.fromkeys("0123", Camera("SIMPLE_PINHOLE", 60, 40, (51.0, 30.0, 20.0)))
 
 
-def run(photos, output, *more):
+def run(photos, output, *more, queries=None):
     words = ["run", "--database_images", photos.image_path / "database", "--poses", photos.model_path]
-    words += ["--queries", photos.image_path / "query", "--output", output, *photo_scene.SIFT, *more]
+    words += ["--queries", queries or photos.image_path / "query", "--output", output, *photo_scene.SIFT, *more]
     return main([str(word) for word in words])
 
 
@@ -64,3 +67,17 @@ def test_panoramas_are_refused(colmap, photos, monkeypatch, tmp_path, capsys, ro
     monkeypatch.setenv("COLMAP", str(colmap))
     assert run(photos, tmp_path / "out", "--epoch", "--panoramas", role) == 1
     assert "--epoch" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_photos_without_intrinsics_share_a_camera(colmap, photos, monkeypatch, tmp_path):
+    """The photos are cut, so that no camera of the database has their size."""
+    monkeypatch.setenv("COLMAP", str(colmap))
+    (tmp_path / "new").mkdir()
+    for name in photos.query_names:
+        photo = cv2.imread(str(photos.image_path / name))
+        assert cv2.imwrite(str(tmp_path / "new" / pathlib.PurePath(name).name), photo[:-2, :-2])
+    assert run(photos, tmp_path / "out", "--epoch", queries=tmp_path / "new") == 0
+    results = read_results(tmp_path / "out/localized/results.jsonl")
+    assert {result["intrinsics_source"] for result in results.values()} == {"joint"}
+    for name, pose in read_poses(tmp_path / "out/epoch/poses.txt").items():
+        assert pose.errors(photos.poses[name])[0] < 0.05

@@ -315,14 +315,14 @@ def _query_camera(
 
 
 def _have_one_camera(project: steps.Project, options: argparse.Namespace, cameras: Mapping[str, Camera | None]) -> bool:
-    """True if one camera, whose intrinsics nobody knows, took the queries: by --one_camera, a video, or EXIF."""
+    """True if one camera, whose intrinsics nobody knows, took the queries: by an option, a video, or EXIF."""
     if options.one_camera or len(cameras) < 2 or any(cameras.values()) or not is_installed("PIL"):
         return bool(options.one_camera)
     paths = [project.folder.images / name for name in cameras]
     known = {frozenset((camera.width, camera.height)) for camera in read_model(project.folder.model).cameras.values()}
     if not known.isdisjoint(frozenset(photo_size(path) or ()) for path in paths):
         return False  # intrinsics come from database images of this size
-    return is_video(options.queries) or has_one_camera(paths)
+    return options.epoch is not None or is_video(options.queries) or has_one_camera(paths)
 
 
 def _localize(

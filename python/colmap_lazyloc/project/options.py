@@ -109,7 +109,7 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         "--one_camera",
         action="store_true",
         help="queries of the same size without intrinsics were taken by one camera with one zoom, which is estimated "
-        "from up to 20 of them together; default: if they are frames of a video, or if EXIF shows it",
+        "from up to 20 of them together; default: with --epoch, if they are frames of a video, or if EXIF shows it",
     )
     add(
         "--masks",
