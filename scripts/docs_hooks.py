@@ -24,7 +24,7 @@ STACKED = re.compile(
 FIGURES = re.compile(r"<td>(\d{4}-\d\d-\d\d|[\d.]+ / [\d.]+)")
 CODE = re.compile(r"<pre>.*?</pre>|<code>([^<]*)</code>", re.DOTALL)
 VALUE = re.compile(r"```.*?```|`[^`]*`|\{\{ ([^{}]*) \}\}", re.DOTALL)
-DEFAULT = re.compile(r"^\| `--(?:[\w.]+\.)?(\w+)` \| (\S+) \|", re.MULTILINE)
+DEFAULT = re.compile(r"^\| `--(?:LazyLocalizer\.(?:Advanced\.)?)?(\w+)` \| (\S+) \|", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -78,7 +78,8 @@ def source_files():
 
 @functools.cache
 def option_defaults():
-    """Returns the defaults of the options by name; the tables are made from --help-all, which a test compares."""
+    """Returns the defaults of lazy_localizer's options by name; the tables are made from --help-all, which a test
+    compares."""
     defaults = {}
     for name, value in DEFAULT.findall((ROOT / "docs" / "command_line.md").read_text(encoding="utf-8")):
         defaults.setdefault(name, []).append(value)
