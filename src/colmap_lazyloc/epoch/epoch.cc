@@ -41,6 +41,7 @@ std::vector<EpochPhoto> MakePhotos(std::vector<LocalizationResult> localized, co
       photo.database_id = image->image_id;
       photo.is_placed = result.status == QueryStatus::LOCALIZED;
       photo.localized_pose = result.cam_from_world;
+      photo.localized_covariance = MakePoseDistribution(result.cam_from_world, result.covariance).of_images;
       photo.record.epoch = EpochResult();
     }
     photo.record.result = std::move(result);
@@ -61,8 +62,9 @@ void TakeAdjusted(const EpochScene& epoch, const JointAdjustment& adjustment, st
     result.cam_from_world = RelativeTo(-epoch.origin, relative);
     photo.record.epoch->is_adjusted = true;
     photo.record.epoch->shift = (CamInWorld(result.cam_from_world) - CamInWorld(photo.localized_pose)).norm();
-    // Takes errors into account that all matches with the database share, which no adjustment shows.
-    const PoseDistribution pose = MakePoseDistribution(relative, kCommonErrorFactor * adjustment.covariances[i]);
+    PoseDistribution pose = MakePoseDistribution(relative, kCommonErrorFactor * adjustment.covariances[i]);
+    // Keeps the covariance of the photo alone, because the adjustment takes database poses for exact.
+    if (!photo.hangs_on_others && !photo.localized_covariance.isZero(0)) pose.of_images = photo.localized_covariance;
     result.covariance = pose.CovarianceAt(result.cam_from_world.translation);
     result.spread = pose.Spread();
     const EpochCamera& camera = (*cameras)[photo.camera];

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/query_record.h"
 
 namespace lazyloc {
@@ -19,10 +20,11 @@ struct EpochCamera {
 struct EpochPhoto {
   QueryRecord record;                   // its pose is adjusted in place
   std::optional<uint32_t> database_id;  // nullopt if the database has no keypoints of it
-  Rigid3d localized_pose;               // before adjustment
-  int camera = -1;                      // index of an EpochCamera
-  bool is_placed = false;               // true if it has a pose that is adjusted with the others
-  bool hangs_on_others = false;         // true if only other new photos give its pose
+  Rigid3d localized_pose;               // before adjustment, and its covariance around the camera
+  PoseDistribution::Matrix localized_covariance = PoseDistribution::Matrix::Zero();
+  int camera = -1;               // index of an EpochCamera
+  bool is_placed = false;        // true if it has a pose that is adjusted with the others
+  bool hangs_on_others = false;  // true if only other new photos give its pose
 
   const std::string& Name() const { return record.result.query_name; }
   const Rigid3d& Pose() const { return record.result.cam_from_world; }
