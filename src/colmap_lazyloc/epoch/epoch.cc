@@ -64,7 +64,9 @@ void TakeAdjusted(const EpochScene& epoch, const JointAdjustment& adjustment, st
     photo.record.epoch->shift = (CamInWorld(result.cam_from_world) - CamInWorld(photo.localized_pose)).norm();
     PoseDistribution pose = MakePoseDistribution(relative, kCommonErrorFactor * adjustment.covariances[i]);
     // Keeps the covariance of the photo alone, because the adjustment takes database poses for exact.
-    if (!photo.hangs_on_others && !photo.localized_covariance.isZero(0)) pose.of_images = photo.localized_covariance;
+    if (!photo.record.epoch->hangs_on_others && !photo.localized_covariance.isZero(0)) {
+      pose.of_images = photo.localized_covariance;
+    }
     result.covariance = pose.CovarianceAt(result.cam_from_world.translation);
     result.spread = pose.Spread();
     const EpochCamera& camera = (*cameras)[photo.camera];
@@ -199,10 +201,6 @@ std::vector<QueryRecord> AdjustEpoch(const Model& model, std::vector<Localizatio
     const int num_found = HangPhotos(model, cameras, hanging, &photos);
     if (num_found == 0) break;
     report(Format("%d photos hang on others", num_found));
-    for (EpochPhoto& photo : photos) {
-      if (!photo.hangs_on_others) continue;
-      photo.record.epoch->hangs_on_others = true;
-    }
     CountPhotos(photos, &cameras);
   }
   PointsAdder(epoch, &photos).AddAll();

@@ -22,9 +22,8 @@ struct EpochPhoto {
   std::optional<uint32_t> database_id;  // nullopt if the database has no keypoints of it
   Rigid3d localized_pose;               // before adjustment, and its covariance around the camera
   PoseDistribution::Matrix localized_covariance = PoseDistribution::Matrix::Zero();
-  int camera = -1;               // index of an EpochCamera
-  bool is_placed = false;        // true if it has a pose that is adjusted with the others
-  bool hangs_on_others = false;  // true if only other new photos give its pose
+  int camera = -1;         // index of an EpochCamera
+  bool is_placed = false;  // true if it has a pose that is adjusted with the others
 
   const std::string& Name() const { return record.result.query_name; }
   const Rigid3d& Pose() const { return record.result.cam_from_world; }

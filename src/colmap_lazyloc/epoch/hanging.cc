@@ -100,9 +100,10 @@ int HangPhotos(const Model& model, const std::vector<EpochCamera>& cameras, cons
       if (*result.confidence < options.min_confidence) continue;
       EpochPhoto& photo = *rest.at(result.query_name);
       record.epoch = EpochResult();
+      record.epoch->hangs_on_others = true;
       photo.localized_pose = result.cam_from_world;
       photo.record = std::move(record);
-      photo.is_placed = photo.hangs_on_others = true;
+      photo.is_placed = true;
       ++num_found;
     }
   }
