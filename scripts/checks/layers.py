@@ -55,7 +55,7 @@ MAY_INCLUDE = {
     "results": TYPES | {"files", "bridge", "database", "formats", "runs"},
     # The doors:
     "localizer": TYPES | {"group", "noise", "pipeline", "loading"},  # what happens to a query
-    "epoch": TYPES | {"bridge", "database", "files", "group", "localizer"},  # new photos together
+    "epoch": METHOD | {"database", "files", "group", "noise", "localizer"},  # new photos together
     "options": TYPES | {"epoch", "bridge", "group", "features", "formats", "loading", "runs"},
     "cli": TYPES | FILES | {"bridge", "epoch", "localizer", "options"},
     "python": TYPES | FILES | {"bridge", "localizer", "options", "cli"},  # runs the commands, too

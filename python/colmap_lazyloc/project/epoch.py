@@ -1,4 +1,4 @@
-"""Adjusts the new photos of a project together, with the database images held constant."""
+"""Adjusts the new photos of a project together, in the frame of the database images, which do not move."""
 
 import json
 import pathlib

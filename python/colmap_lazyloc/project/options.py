@@ -142,8 +142,8 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         choices=("new", "both"),
         const="new",
-        help="adjust all new photos together, with the database images held constant; the model of the results has the "
-        "new photos, or with `--epoch both` the database images, too",
+        help="adjust all new photos together, in the frame of the database images, which do not move; the model of the "
+        "results has the new photos, or with `--epoch both` the database images, too",
     )
     add = parser.add_argument_group("steps").add_argument
     add(

@@ -9,21 +9,22 @@
 #include <type_traits>
 #include <utility>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
 #include <ceres/ceres.h>
+#include <ceres/rotation.h>
 #include <colmap/sensor/models.h>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/convert.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
+#include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 namespace {
 
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Pose = std::array<double, 7>;  // quaternion x y z w, translation
+using Pose = std::array<double, 7>;       // quaternion x y z w, translation
+using Deviation = std::array<double, 6>;  // of a database image from its prior
 using SparseMatrix = Eigen::SparseMatrix<double>;
 
 // Projects a point in camera coordinates. Returns false if the model cannot: COLMAP 4 says so, COLMAP 3 returns
@@ -42,9 +43,20 @@ bool Project(const T* params, const Eigen::Matrix<T, 3, 1>& point_in_cam, T* xy)
   }
 }
 
-// Computes the reprojection error in standard deviations.
+// Computes the reprojection error of a point in camera coordinates, in standard deviations.
+template <typename CameraModel, typename T>
+bool StandardizedError(const T* params, const Eigen::Matrix<T, 3, 1>& point_in_cam, const Eigen::Vector2d& keypoint,
+                       double stddev_px, T* error) {
+  if (!Project<CameraModel>(params, point_in_cam, error)) return false;  // makes Ceres reject the step
+  error[0] = (error[0] - keypoint.x()) / stddev_px;
+  error[1] = (error[1] - keypoint.y()) / stddev_px;
+  return true;
+}
+
 template <typename CameraModel>
-struct ReprojectionCost {
+struct PhotoCost {
+  static constexpr int kPoseSize = 7;
+
   Eigen::Vector2d keypoint;
   double stddev_px;
 
@@ -52,25 +64,72 @@ struct ReprojectionCost {
   bool operator()(const T* cam_from_world, const T* point_in_world, const T* params, T* error) const {
     const Eigen::Map<const Eigen::Quaternion<T>> rotation(cam_from_world);
     const Eigen::Map<const Eigen::Matrix<T, 3, 1>> translation(cam_from_world + 4), point(point_in_world);
-    const Eigen::Matrix<T, 3, 1> point_in_cam = rotation * point + translation;
-    if (!Project<CameraModel>(params, point_in_cam, error)) return false;  // makes Ceres reject the step
-    error[0] = (error[0] - keypoint.x()) / stddev_px;
-    error[1] = (error[1] - keypoint.y()) / stddev_px;
-    return true;
+    return StandardizedError<CameraModel, T>(params, rotation * point + translation, keypoint, stddev_px, error);
   }
 };
 
-ceres::CostFunction* MakeCost(int model_id, const Eigen::Vector2d& keypoint, double stddev_px) {
+// Of a database image with a prior.
+template <typename CameraModel>
+struct DatabaseCost {
+  static constexpr int kPoseSize = 6;
+
+  Eigen::Vector2d keypoint;
+  double stddev_px;
+  PosePrior prior;
+
+  template <typename T>
+  bool operator()(const T* deviation, const T* point_in_world, const T* params, T* error) const {
+    const Eigen::Map<const Eigen::Matrix<T, 3, 1>> turn(deviation), displacement(deviation + 3), point(point_in_world);
+    const Eigen::Matrix<T, 3, 1> angle_axis = turn * T(prior.rotation_stddev_rad);
+    const Eigen::Matrix<T, 3, 1> offset =
+        point - CamInWorld(prior.frame_from_world).template cast<T>() - displacement * T(prior.position_stddev);
+    Eigen::Matrix<T, 3, 1> turned;
+    ceres::AngleAxisRotatePoint(angle_axis.data(), offset.data(), turned.data());
+    return StandardizedError<CameraModel, T>(params, prior.frame_from_world.rotation.template cast<T>() * turned,
+                                             keypoint, stddev_px, error);
+  }
+};
+
+template <template <typename> class Cost, typename... Arguments>
+ceres::CostFunction* MakeCost(int model_id, const Arguments&... arguments) {
   switch (static_cast<colmap::CameraModelId>(model_id)) {
-#define CAMERA_MODEL_CASE(Model)                                                                                 \
-  case colmap::Model::model_id:                                                                                  \
-    return new ceres::AutoDiffCostFunction<ReprojectionCost<colmap::Model>, 2, 7, 3, colmap::Model::num_params>( \
-        new ReprojectionCost<colmap::Model>{keypoint, stddev_px});
+#define CAMERA_MODEL_CASE(Model)                                                                      \
+  case colmap::Model::model_id:                                                                       \
+    return new ceres::AutoDiffCostFunction<Cost<colmap::Model>, 2, Cost<colmap::Model>::kPoseSize, 3, \
+                                           colmap::Model::num_params>(new Cost<colmap::Model>{arguments...});
     CAMERA_MODEL_SWITCH_CASES
 #undef CAMERA_MODEL_CASE
   }
   return nullptr;
 }
+
+// The errors of one coordinate of all deviations: the transposed Cholesky factor of their precision times them.
+class PriorCost : public ceres::CostFunction {
+ public:
+  PriorCost(int coordinate, const Eigen::MatrixXd& precision)
+      : coordinate_(coordinate), root_(precision.llt().matrixU()) {
+    set_num_residuals(static_cast<int>(root_.rows()));
+    mutable_parameter_block_sizes()->assign(root_.rows(), 6);
+  }
+
+  bool Evaluate(const double* const* deviations, double* errors, double** jacobians) const override {
+    const Eigen::Index size = root_.rows();
+    Eigen::VectorXd values(size);
+    for (Eigen::Index i = 0; i < size; ++i) values[i] = deviations[i][coordinate_];
+    Eigen::Map<Eigen::VectorXd>(errors, size) = root_ * values;
+    for (Eigen::Index i = 0; jacobians != nullptr && i < size; ++i) {
+      if (jacobians[i] == nullptr) continue;
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> jacobian(jacobians[i], size, 6);
+      jacobian.setZero();
+      jacobian.col(coordinate_) = root_.col(i);
+    }
+    return true;
+  }
+
+ private:
+  int coordinate_;
+  Eigen::MatrixXd root_;
+};
 
 Pose ToArray(const Rigid3d& pose) {
   const Eigen::Vector4d q = pose.rotation.normalized().coeffs();
@@ -97,11 +156,32 @@ void FixParams(const JointCamera& camera, double* params, ceres::Problem* proble
   problem->SetManifold(params, new ceres::SubsetManifold(static_cast<int>(converted.params.size()), constant));
 }
 
+// The following two measure deviations as EvaluatePosePrior does.
+
+Deviation DeviationOf(const PosePrior& prior, const Rigid3d& pose) {
+  const Eigen::Vector3d turn = LogSO3(prior.frame_from_world.rotation.conjugate() * pose.rotation);
+  const Eigen::Vector3d displacement = CamInWorld(pose) - CamInWorld(prior.frame_from_world);
+  Deviation deviation;
+  Eigen::Map<Eigen::Vector3d>(deviation.data()) = turn / prior.rotation_stddev_rad;
+  Eigen::Map<Eigen::Vector3d>(deviation.data() + 3) = displacement / prior.position_stddev;
+  return deviation;
+}
+
+Rigid3d PoseAt(const PosePrior& prior, const Deviation& deviation) {
+  const Eigen::Map<const Eigen::Vector3d> turn(deviation.data()), displacement(deviation.data() + 3);
+  const Eigen::Quaterniond rotation = prior.frame_from_world.rotation * ExpSO3(prior.rotation_stddev_rad * turn);
+  return CamFromWorld(rotation.normalized(), CamInWorld(prior.frame_from_world) + prior.position_stddev * displacement);
+}
+
 class JointSolver {
  public:
-  explicit JointSolver(JointScene* scene) : scene_(*scene) {
+  explicit JointSolver(JointScene* scene) : scene_(*scene), deviations_(scene->images.size(), Deviation()) {
     poses_.reserve(scene_.images.size());
-    for (const JointImage& image : scene_.images) poses_.push_back(ToArray(image.cam_from_world));
+    for (size_t i = 0; i < scene_.images.size(); ++i) {
+      const JointImage& image = scene_.images[i];
+      poses_.push_back(ToArray(image.cam_from_world));
+      if (image.prior) deviations_[i] = DeviationOf(*image.prior, image.cam_from_world);
+    }
     for (const JointCamera& camera : scene_.cameras) params_.push_back(camera.camera.params);
     for (const JointPoint& point : scene_.points) points_.push_back(point.point_in_world);
     for (size_t i = 0; i < scene_.points.size(); ++i) AddPoint(i);
@@ -110,28 +190,29 @@ class JointSolver {
       if (!problem_.HasParameterBlock(pose)) continue;
       problem_.SetManifold(pose,
                            new ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>);
-      if (scene_.images[i].is_constant) problem_.SetParameterBlockConstant(pose);
+      if (scene_.images[i].is_database) problem_.SetParameterBlockConstant(pose);
     }
     for (size_t i = 0; i < params_.size(); ++i) {
       if (problem_.HasParameterBlock(params_[i].data())) FixParams(scene_.cameras[i], params_[i].data(), &problem_);
     }
+    AddPriors();
   }
 
-  JointAdjustment Solve(bool computes_covariances) {
+  JointAdjustment Solve(const JointAdjustmentOptions& options) {
     JointAdjustment adjustment;
     if (points_.empty()) return adjustment;
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::SPARSE_SCHUR;
-    options.max_num_iterations = 100;
-    options.function_tolerance = 1e-7;
-    options.parameter_tolerance = 1e-12;
-    options.logging_type = ceres::SILENT;
+    ceres::Solver::Options solver;
+    solver.linear_solver_type = ceres::SPARSE_SCHUR;
+    solver.max_num_iterations = options.max_num_iterations;
+    solver.function_tolerance = 1e-7;
+    solver.parameter_tolerance = 1e-12;
+    solver.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem_, &summary);
+    ceres::Solve(solver, &problem_, &summary);
     adjustment.summary = {summary.IsSolutionUsable(), summary.message,
                           summary.num_successful_steps + summary.num_unsuccessful_steps, summary.final_cost};
     if (!adjustment.summary.success) return adjustment;
-    if (computes_covariances) AddCovariances(&adjustment);
+    if (options.computes_information) AddInformation(&adjustment);
     WriteScene();
     return adjustment;
   }
@@ -140,11 +221,36 @@ class JointSolver {
   void AddPoint(size_t index) {
     for (const JointObservation& observation : scene_.points[index].observations) {
       const JointImage& image = scene_.images[observation.image];
-      problem_.AddResidualBlock(
-          MakeCost(scene_.cameras[image.camera].camera.model_id, image.keypoints[observation.keypoint], image.noise_px),
-          new ceres::CauchyLoss(kLossScaleSigma), poses_[observation.image].data(), points_[index].data(),
-          params_[image.camera].data());
+      const int model_id = scene_.cameras[image.camera].camera.model_id;
+      const Eigen::Vector2d& keypoint = image.keypoints[observation.keypoint];
+      problem_.AddResidualBlock(image.prior ? MakeCost<DatabaseCost>(model_id, keypoint, image.noise_px, *image.prior)
+                                            : MakeCost<PhotoCost>(model_id, keypoint, image.noise_px),
+                                new ceres::CauchyLoss(kLossScaleSigma), PoseBlock(observation.image),
+                                points_[index].data(), params_[image.camera].data());
     }
+  }
+
+  // Adds the priors behind all observations.
+  void AddPriors() {
+    std::vector<double*> deviations;
+    for (size_t i = 0; i < deviations_.size(); ++i) {
+      if (scene_.images[i].prior) deviations.push_back(deviations_[i].data());
+    }
+    for (int k = 0; k < 6 && !deviations.empty(); ++k) {
+      const Eigen::MatrixXd& precision = k < 3 ? scene_.rotation_precision : scene_.position_precision;
+      if (!precision.isDiagonal()) {
+        problem_.AddResidualBlock(new PriorCost(k, precision), nullptr, deviations);
+        continue;
+      }
+      for (size_t i = 0; i < deviations.size(); ++i) {  // keeps the equations sparse
+        const Eigen::MatrixXd own = precision.diagonal().segment(static_cast<Eigen::Index>(i), 1);
+        problem_.AddResidualBlock(new PriorCost(k, own), nullptr, deviations[i]);
+      }
+    }
+  }
+
+  double* PoseBlock(size_t image) {
+    return scene_.images[image].prior ? deviations_[image].data() : poses_[image].data();
   }
 
   bool IsVariable(const double* block) const {
@@ -153,7 +259,12 @@ class JointSolver {
 
   void WriteScene() {
     for (size_t i = 0; i < poses_.size(); ++i) {
-      if (IsVariable(poses_[i].data())) scene_.images[i].cam_from_world = FromArray(poses_[i]);
+      JointImage& image = scene_.images[i];
+      if (image.prior) {
+        image.cam_from_world = PoseAt(*image.prior, deviations_[i]);
+      } else if (IsVariable(poses_[i].data())) {
+        image.cam_from_world = FromArray(poses_[i]);
+      }
     }
     for (size_t i = 0; i < params_.size(); ++i) {
       if (IsVariable(params_[i].data())) scene_.cameras[i].camera.params = params_[i];
@@ -161,20 +272,22 @@ class JointSolver {
     for (size_t i = 0; i < points_.size(); ++i) scene_.points[i].point_in_world = points_[i];
   }
 
-  // Eliminates the points from the normal equations of poses and cameras, and inverts what is left.
-  void AddCovariances(JointAdjustment* adjustment) {
+  // Eliminates the points from the normal equations of poses and cameras.
+  void AddInformation(JointAdjustment* adjustment) {
     ceres::Problem::EvaluateOptions options;
-    std::vector<int> column_of_image(poses_.size(), -1);
-    int num_columns = 0;
+    std::vector<double> scales;  // from the tangent of a parameter to Ceres' tangent
     for (size_t i = 0; i < poses_.size(); ++i) {
-      if (!IsVariable(poses_[i].data())) continue;
-      column_of_image[i] = num_columns;
-      num_columns += 6;
-      options.parameter_blocks.push_back(poses_[i].data());
+      const bool is_adjusted = IsVariable(PoseBlock(i));
+      adjustment->first_parameter.push_back(is_adjusted ? static_cast<int>(scales.size()) : -1);
+      if (!is_adjusted) continue;
+      options.parameter_blocks.push_back(PoseBlock(i));
+      scales.resize(scales.size() + 6, 1);
+      // Ceres' tangent of a quaternion is half the angle.
+      if (!scene_.images[i].prior) std::fill_n(scales.end() - 6, 3, 0.5);
     }
     for (std::vector<double>& params : params_) {
       if (!IsVariable(params.data())) continue;
-      num_columns += problem_.ParameterBlockTangentSize(params.data());
+      scales.resize(scales.size() + problem_.ParameterBlockTangentSize(params.data()), 1);
       options.parameter_blocks.push_back(params.data());
     }
     for (Eigen::Vector3d& point : points_) options.parameter_blocks.push_back(point.data());
@@ -186,19 +299,17 @@ class JointSolver {
     const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> jacobian(
         crs.num_rows, crs.num_cols, static_cast<int>(crs.values.size()), crs.rows.data(), crs.cols.data(),
         crs.values.data());
-    const Eigen::SimplicialLDLT<SparseMatrix> factors(ReducedSystem(jacobian, num_columns));
-    for (size_t i = 0; i < poses_.size(); ++i) {
-      adjustment->covariances.push_back(
-          column_of_image[i] < 0 ? Matrix6d(Matrix6d::Constant(scene_.images[i].is_constant ? 0 : kUnknown))
-                                 : adjustment->variance_factor * Covariance(factors, column_of_image[i], num_columns));
-    }
+    const auto scale = Eigen::Map<const Eigen::VectorXd>(scales.data(), static_cast<Eigen::Index>(scales.size()));
+    adjustment->information = scale.asDiagonal() * ReducedSystem(jacobian, static_cast<int>(scales.size()));
+    adjustment->information = adjustment->information * scale.asDiagonal();
   }
 
-  // Multiplies the rows of each observation by the root of its weight in Cauchy's loss. Returns the factor on the
-  // inverse of the normal equations that makes it the covariance of the M-estimator (Huber, 1964).
-  static double ApplyLoss(const std::vector<double>& residuals, ceres::CRSMatrix* jacobian) {
+  // Multiplies the rows of each observation by the root of its weight in Cauchy's loss. Returns the variance factor.
+  double ApplyLoss(const std::vector<double>& residuals, ceres::CRSMatrix* jacobian) const {
+    const auto num_deviations = 6 * scene_.rotation_precision.rows();
+    const auto num_errors = static_cast<Eigen::Index>(residuals.size()) - num_deviations;
     double sum_weights = 0, sum_derivatives = 0, sum_squares = 0;
-    for (size_t row = 0; row + 1 < residuals.size(); row += 2) {
+    for (Eigen::Index row = 0; row < num_errors; row += 2) {
       const double square = residuals[row] * residuals[row] + residuals[row + 1] * residuals[row + 1];
       const double weight = 1 / (1 + square / (kLossScaleSigma * kLossScaleSigma));
       sum_weights += weight;
@@ -206,8 +317,9 @@ class JointSolver {
       sum_squares += weight * weight * square / 2;
       for (int i = jacobian->rows[row]; i < jacobian->rows[row + 2]; ++i) jacobian->values[i] *= std::sqrt(weight);
     }
-    const double degrees_of_freedom = std::max(jacobian->num_rows - jacobian->num_cols, 1);
-    return sum_squares * sum_weights / (sum_derivatives * sum_derivatives) * jacobian->num_rows / degrees_of_freedom;
+    const auto degrees_of_freedom = std::max<double>(jacobian->num_rows - jacobian->num_cols, 1);
+    return sum_squares * sum_weights / (sum_derivatives * sum_derivatives) * static_cast<double>(num_errors) /
+           degrees_of_freedom;
   }
 
   static SparseMatrix ReducedSystem(const SparseMatrix& jacobian, int num_columns) {
@@ -236,22 +348,9 @@ class JointSolver {
     return SparseMatrix(of_cameras.transpose() * of_cameras) - SparseMatrix(reduction * coupling.transpose());
   }
 
-  static Matrix6d Covariance(const Eigen::SimplicialLDLT<SparseMatrix>& factors, int column, int num_columns) {
-    if (factors.info() != Eigen::Success) return Matrix6d::Constant(kUnknown);
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(num_columns, 6);
-    unit.middleRows<6>(column).setIdentity();
-    Matrix6d covariance = Eigen::MatrixXd(factors.solve(unit)).middleRows<6>(column);
-    covariance = (covariance + covariance.transpose()).eval() / 2;
-    if (!(covariance.diagonal().minCoeff() > 0)) return Matrix6d::Constant(kUnknown);
-    covariance.topRows<3>() *= 2;  // because Ceres' tangent of a quaternion is half the angle
-    covariance.leftCols<3>() *= 2;
-    return covariance;
-  }
-
-  static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-
   JointScene& scene_;
   std::vector<Pose> poses_;                  // by image
+  std::vector<Deviation> deviations_;        // by image; of those with a prior
   std::vector<std::vector<double>> params_;  // by camera
   std::vector<Eigen::Vector3d> points_;
   ceres::Problem problem_;
@@ -259,8 +358,8 @@ class JointSolver {
 
 }  // namespace
 
-JointAdjustment AdjustJointly(bool computes_covariances, JointScene* scene) {
-  return JointSolver(scene).Solve(computes_covariances);
+JointAdjustment AdjustJointly(const JointAdjustmentOptions& options, JointScene* scene) {
+  return JointSolver(scene).Solve(options);
 }
 
 double ReprojectionErrorPx(const JointScene& scene, const JointPoint& point, const JointObservation& observation) {

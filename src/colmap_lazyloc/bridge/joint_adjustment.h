@@ -2,28 +2,37 @@
 
 #include <vector>
 
-#include <Eigen/Core>
+#include <Eigen/SparseCore>
 
 #include "colmap_lazyloc/scene/joint_scene.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
 
 namespace lazyloc {
 
-struct JointAdjustment {
-  StageSummary summary;
-  // By which the covariance is larger than the inverse of the weighted normal equations.
-  double variance_factor = 1;
-  // One per image, for the tangent (w, dt) of cam_from_world, with the variance factor; zero for constant images, not
-  // finite for images that their points do not determine. Empty unless they were wanted.
-  std::vector<Eigen::Matrix<double, 6, 6>> covariances;
+struct JointAdjustmentOptions {
+  int max_num_iterations = 100;
+  bool computes_information = false;
 };
 
-// Adjusts the poses of all images that are not constant, the cameras that are not constant (focal length and
-// distortion), and the points. Minimises Cauchy's loss, with the scale of all stages, of the reprojection errors in
-// standard deviations of the images' keypoints, by Ceres with a sparse Schur complement. Constant images and cameras
-// keep every bit. A point behind an image must not be observed by it. If summary.success is false, the scene is that of
-// the input. Uses one thread, because the sums of several differ in the last digits from run to run.
-JointAdjustment AdjustJointly(bool computes_covariances, JointScene* scene);
+struct JointAdjustment {
+  StageSummary summary;
+  // Factor on the inverse of the information that makes it a covariance: that of the M-estimator (Huber, 1964).
+  double variance_factor = 1;
+  // Information on the adjusted parameters, with the points eliminated, and with the priors: first six for each image
+  // that is adjusted, then those of the cameras. The six are the tangent (w, dt) of a photo's cam_from_world, and the
+  // deviation of a database image from its prior (refinement/pose_prior.h). Empty unless it was wanted.
+  Eigen::SparseMatrix<double> information;
+  std::vector<int> first_parameter;  // by image; -1: the image is not adjusted
+};
+
+// Adjusts the poses of all images, the cameras that are not constant (focal length and distortion), and the points.
+// Database images without a prior and constant cameras keep every bit. Minimizes
+//   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum Q_ab p_a^T p_b
+// where r are the reprojection errors in standard deviations of the images' keypoints, s is the loss scale of all
+// stages, p the deviations of the database images from their priors, and Q the precision of these deviations, by Ceres
+// with a sparse Schur complement. A point behind an image must not be observed by it. If summary.success is false, the
+// scene is that of the input. Uses one thread, because the sums of several differ in the last digits from run to run.
+JointAdjustment AdjustJointly(const JointAdjustmentOptions& options, JointScene* scene);
 
 // Returns the reprojection error in pixels; infinite for a point behind the image.
 double ReprojectionErrorPx(const JointScene& scene, const JointPoint& point, const JointObservation& observation);

@@ -94,7 +94,7 @@ std::vector<JointPoint> TriangulateJointly(const JointScene& scene, double max_e
   options.ignore_two_view_tracks = false;
   colmap::IncrementalTriangulator triangulator(graph, reconstruction);
   for (size_t i = 0; i < scene.images.size(); ++i) {
-    if (have_matches[i] && !scene.images[i].is_constant)
+    if (have_matches[i] && !scene.images[i].is_database)
       triangulator.TriangulateImage(options, static_cast<colmap::image_t>(i + 1));
   }
   triangulator.CompleteAllTracks(options);

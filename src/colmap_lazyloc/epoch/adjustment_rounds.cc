@@ -5,7 +5,9 @@
 #include <utility>
 #include <vector>
 
+#include "colmap_lazyloc/bridge/joint_adjustment.h"
 #include "colmap_lazyloc/bridge/joint_triangulation.h"
+#include "colmap_lazyloc/epoch/database_errors.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 
 namespace lazyloc {
@@ -23,6 +25,7 @@ constexpr double kMinNoisePx = 0.2;
 constexpr size_t kMaxNumStartObservations = 500, kMaxNumObservations = 2000;
 // Number of observations that the common noise counts as in an image's estimate.
 constexpr double kNumCommonObservations = 20;
+constexpr int kMaxNumPointIterations = 5;  // because points are already near where they fit
 
 // Removes observations with errors above both bounds, those of images with too few, and points with fewer than two.
 void RemoveMisfits(double max_error_px, JointScene* scene) {
@@ -37,7 +40,7 @@ void RemoveMisfits(double max_error_px, JointScene* scene) {
     for (const JointObservation& observation : point.observations) ++counts[observation.image];
   }
   const auto is_alone = [&](const JointObservation& observation) {
-    return !scene->images[observation.image].is_constant && counts[observation.image] < kMinNumObservations;
+    return !scene->images[observation.image].is_database && counts[observation.image] < kMinNumObservations;
   };
   for (JointPoint& point : scene->points) {
     auto& observations = point.observations;
@@ -55,7 +58,7 @@ void KeepLongestTracks(size_t max_num_observations, JointScene* scene) {
   std::vector<size_t> counts(scene->images.size(), 0);
   const auto is_superfluous = [&](const JointPoint& point) {
     const bool is_needed = std::any_of(point.observations.begin(), point.observations.end(), [&](const auto& element) {
-      return !scene->images[element.image].is_constant && counts[element.image] < max_num_observations;
+      return !scene->images[element.image].is_database && counts[element.image] < max_num_observations;
     });
     if (!is_needed) return true;
     for (const JointObservation& observation : point.observations) ++counts[observation.image];
@@ -101,9 +104,19 @@ double LargestNoisePx(const JointScene& scene) {
   return largest;
 }
 
+// Moves the points to where they fit the poses best, which stay.
+void AdjustPoints(JointScene* scene) {
+  JointScene constant = *scene;
+  for (JointImage& image : constant.images) image.is_database = true;
+  for (JointCamera& camera : constant.cameras) camera.is_constant = true;
+  AdjustJointly({kMaxNumPointIterations}, &constant);
+  scene->points = std::move(constant.points);
+}
+
 }  // namespace
 
-JointAdjustment AdjustInRounds(JointScene* scene) {
+AdjustedPhotos AdjustInRounds(JointScene* scene) {
+  DatabaseErrors errors(*scene);
   JointAdjustment adjustment;
   double max_error_px = kStartMaxErrorPx;
   for (int round = 0; round < kNumRounds; ++round) {
@@ -111,13 +124,20 @@ JointAdjustment AdjustInRounds(JointScene* scene) {
     RemoveMisfits(max_error_px, scene);
     const bool is_last = round + 1 == kNumRounds;
     KeepLongestTracks(is_last ? kMaxNumObservations : kMaxNumStartObservations, scene);
-    adjustment = AdjustJointly(/*computes_covariances=*/is_last, scene);
-    if (!adjustment.summary.success) return adjustment;
+    if (round > 0) errors.SetPriors(scene);
+    JointAdjustmentOptions adjustment_options;
+    adjustment_options.computes_information = round > 0;
+    adjustment = AdjustJointly(adjustment_options, scene);
+    if (!adjustment.summary.success) return {adjustment.summary, {}};
+    if (round > 0 && !is_last) errors.Estimate(*scene, adjustment);
     EstimateNoise(scene);
     max_error_px = std::clamp(kMaxErrorSigma * LargestNoisePx(*scene), kMinMaxErrorPx, kStartMaxErrorPx);
   }
+  const AdjustedPhotos photos{adjustment.summary, errors.PhotoCovariances(*scene, adjustment)};
+  errors.ReturnToGivenDatabase(adjustment, scene);
+  AdjustPoints(scene);
   RemoveMisfits(0, scene);
-  return adjustment;
+  return photos;
 }
 
 }  // namespace lazyloc

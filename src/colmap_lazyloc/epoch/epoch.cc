@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "colmap_lazyloc/bridge/joint_adjustment.h"
 #include "colmap_lazyloc/epoch/adjustment_rounds.h"
 #include "colmap_lazyloc/epoch/epoch_cameras.h"
 #include "colmap_lazyloc/epoch/epoch_scene.h"
@@ -19,6 +20,8 @@ namespace lazyloc {
 namespace {
 
 constexpr int kMaxNumHangings = 10;  // the length of a chain of photos
+// Shift by adjustment, in standard deviations of the pose before, above which a photo that hangs on others was wrong.
+constexpr double kMaxShiftSigma = 5;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // True if the photo can be adjusted with others: it has keypoints, and a camera that is not spherical.
@@ -40,8 +43,7 @@ std::vector<EpochPhoto> MakePhotos(std::vector<LocalizationResult> localized, co
     if (image != nullptr && CanBeAdjusted(database, *image)) {
       photo.database_id = image->image_id;
       photo.is_placed = result.status == QueryStatus::LOCALIZED;
-      photo.localized_pose = result.cam_from_world;
-      photo.localized_covariance = MakePoseDistribution(result.cam_from_world, result.covariance).of_images;
+      photo.localized = result;
       photo.record.epoch = EpochResult();
     }
     photo.record.result = std::move(result);
@@ -51,22 +53,18 @@ std::vector<EpochPhoto> MakePhotos(std::vector<LocalizationResult> localized, co
 }
 
 // Takes over poses, covariances and cameras.
-void TakeAdjusted(const EpochScene& epoch, const JointAdjustment& adjustment, std::vector<EpochCamera>* cameras,
+void TakeAdjusted(const EpochScene& epoch, const AdjustedPhotos& adjusted, std::vector<EpochCamera>* cameras,
                   std::vector<EpochPhoto>* photos) {
   for (size_t i = 0; i < cameras->size(); ++i) (*cameras)[i].camera = epoch.scene.cameras[i].camera;
   for (size_t i = 0; i < epoch.photos.size(); ++i) {
     EpochPhoto& photo = (*photos)[epoch.photos[i]];
     LocalizationResult& result = photo.record.result;
     const Rigid3d& relative = epoch.scene.images[i].cam_from_world;
-    if (!adjustment.covariances[i].allFinite()) continue;  // it keeps the pose that it was localized at
+    if (!adjusted.covariances[i].allFinite()) continue;  // it keeps the pose that it was localized at
     result.cam_from_world = RelativeTo(-epoch.origin, relative);
     photo.record.epoch->is_adjusted = true;
-    photo.record.epoch->shift = (CamInWorld(result.cam_from_world) - CamInWorld(photo.localized_pose)).norm();
-    PoseDistribution pose = MakePoseDistribution(relative, kCommonErrorFactor * adjustment.covariances[i]);
-    // Keeps the covariance of the photo alone, because the adjustment takes database poses for exact.
-    if (!photo.record.epoch->hangs_on_others && !photo.localized_covariance.isZero(0)) {
-      pose.of_images = photo.localized_covariance;
-    }
+    photo.record.epoch->shift = (CamInWorld(result.cam_from_world) - CamInWorld(photo.localized.cam_from_world)).norm();
+    PoseDistribution pose = MakePoseDistribution(relative, kCommonErrorFactor * adjusted.covariances[i]);
     result.covariance = pose.CovarianceAt(result.cam_from_world.translation);
     result.spread = pose.Spread();
     const EpochCamera& camera = (*cameras)[photo.camera];
@@ -78,6 +76,28 @@ void TakeAdjusted(const EpochScene& epoch, const JointAdjustment& adjustment, st
       result.intrinsics.verdict = IntrinsicsVerdict::REFINED;
     }
   }
+}
+
+// Returns true if adjustment has moved a photo by more than its localization lets expect.
+bool IsContradicted(const EpochPhoto& photo) {
+  const LocalizationResult& localized = photo.localized;
+  const Eigen::Vector3d shift = CamInWorld(photo.Pose()) - CamInWorld(localized.cam_from_world);
+  const Eigen::Matrix3d covariance =
+      MakePoseDistribution(localized.cam_from_world, localized.covariance).PositionCovariance();
+  return shift.dot(covariance.ldlt().solve(shift)) > 3 * kMaxShiftSigma * kMaxShiftSigma;
+}
+
+// Takes their poses from photos that hang on others if adjustment contradicts these. Returns how many there were.
+int RemoveContradicted(std::vector<EpochPhoto>* photos) {
+  int num_removed = 0;
+  for (EpochPhoto& photo : *photos) {
+    if (!photo.is_placed || !photo.refused || !IsContradicted(photo)) continue;
+    photo.record = std::move(*photo.refused);
+    photo.refused.reset();
+    photo.is_placed = false;
+    ++num_removed;
+  }
+  return num_removed;
 }
 
 // Gives the photos of a scene the pairs and the points of the last adjustment.
@@ -191,16 +211,18 @@ std::vector<QueryRecord> AdjustEpoch(const Model& model, std::vector<Localizatio
   EpochSceneBuilder builder(model, database, photos);
   const HangingOptions hanging = {database.Path().string(), options.min_confidence, options.num_threads, scratch_file};
   EpochScene epoch;
-  for (int i = 0; i <= kMaxNumHangings; ++i) {
+  for (int i = 0;; ++i) {
     epoch = builder.Build(photos, cameras);
-    const JointAdjustment adjustment = AdjustInRounds(&epoch.scene);
-    report(Format("adjusted %d photos with %d constant images and %d points: %s", static_cast<int>(epoch.photos.size()),
+    const AdjustedPhotos adjusted = AdjustInRounds(&epoch.scene);
+    report(Format("adjusted %d photos with %d database images and %d points: %s", static_cast<int>(epoch.photos.size()),
                   static_cast<int>(epoch.scene.images.size() - epoch.photos.size()),
-                  static_cast<int>(epoch.scene.points.size()), adjustment.summary.message.c_str()));
-    if (adjustment.summary.success) TakeAdjusted(epoch, adjustment, &cameras, &photos);
-    const int num_found = HangPhotos(model, cameras, hanging, &photos);
-    if (num_found == 0) break;
-    report(Format("%d photos hang on others", num_found));
+                  static_cast<int>(epoch.scene.points.size()), adjusted.summary.message.c_str()));
+    if (adjusted.summary.success) TakeAdjusted(epoch, adjusted, &cameras, &photos);
+    const int num_removed = RemoveContradicted(&photos);
+    if (num_removed > 0) report(Format("%d photos do not fit those they hang on", num_removed));
+    const int num_found = i < kMaxNumHangings ? HangPhotos(model, cameras, hanging, &photos) : 0;
+    if (num_found > 0) report(Format("%d photos hang on others", num_found));
+    if (num_found + num_removed == 0) break;
     CountPhotos(photos, &cameras);
   }
   PointsAdder(epoch, &photos).AddAll();

@@ -19,7 +19,7 @@ struct EpochOptions {
   bool Check(std::string* error) const;
 };
 
-// Adjusts new photos together, with the images of the model held constant. localized: what colmap lazy_localizer has
+// Adjusts new photos together. The images of the model do not move. localized: what colmap lazy_localizer has
 // found for each photo. Photos that it has not localized are placed by their matches with those that it has, as far as
 // these give a pose. scratch_file: a path that may be written. Returns a record per photo, in the order of names.
 // report: gets a line on each step.

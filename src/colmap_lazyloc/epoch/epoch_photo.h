@@ -4,7 +4,6 @@
 #include <optional>
 #include <vector>
 
-#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/query_record.h"
 
 namespace lazyloc {
@@ -20,10 +19,11 @@ struct EpochCamera {
 struct EpochPhoto {
   QueryRecord record;                   // its pose is adjusted in place
   std::optional<uint32_t> database_id;  // nullopt if the database has no keypoints of it
-  Rigid3d localized_pose;               // before adjustment, and its covariance around the camera
-  PoseDistribution::Matrix localized_covariance = PoseDistribution::Matrix::Zero();
-  int camera = -1;         // index of an EpochCamera
-  bool is_placed = false;  // true if it has a pose that is adjusted with the others
+  LocalizationResult localized;         // before adjustment
+  std::optional<QueryRecord> refused;   // what the database says of a photo that hangs on others
+  int num_hangings = 0;                 // how often others have placed the photo
+  int camera = -1;                      // index of an EpochCamera
+  bool is_placed = false;               // true if it has a pose that is adjusted with the others
 
   const std::string& Name() const { return record.result.query_name; }
   const Rigid3d& Pose() const { return record.result.cam_from_world; }

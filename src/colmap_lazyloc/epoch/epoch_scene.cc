@@ -77,10 +77,10 @@ EpochScene EpochSceneBuilder::Build(const std::vector<EpochPhoto>& photos, const
   epoch.origin = MeanPosition(photos);
   for (const EpochCamera& camera : cameras) epoch.scene.cameras.push_back({camera.camera, camera.is_constant});
   std::map<uint32_t, int> image_of_id, camera_of_model;
-  const auto add = [&](uint32_t id, const std::string& name, int camera, const Rigid3d& pose, bool is_constant) {
+  const auto add = [&](uint32_t id, const std::string& name, int camera, const Rigid3d& pose, bool is_database) {
     image_of_id.emplace(id, static_cast<int>(epoch.scene.images.size()));
     epoch.names.push_back(name);
-    epoch.scene.images.push_back({camera, RelativeTo(epoch.origin, pose), is_constant, 1, KeypointsOf(id)});
+    epoch.scene.images.push_back({camera, RelativeTo(epoch.origin, pose), is_database, 1, KeypointsOf(id)});
   };
   for (size_t i = 0; i < photos.size(); ++i) {
     if (!photos[i].is_placed) continue;

@@ -13,6 +13,8 @@
 namespace lazyloc {
 namespace {
 
+constexpr int kMaxNumHangingsOfPhoto = 2;  // it gets a second chance when the photos that it hangs on are adjusted
+
 using PhotosByName = std::map<std::string, EpochPhoto*>;
 
 // Returns a model of the database images and the photos that have a pose. It has no rigs, because photos are in none.
@@ -74,7 +76,7 @@ int HangPhotos(const Model& model, const std::vector<EpochCamera>& cameras, cons
   for (EpochPhoto& photo : *photos) {
     if (photo.is_placed) {
       confidences.emplace(photo.Name(), photo.record.result.confidence.value_or(0));
-    } else if (photo.database_id) {
+    } else if (photo.database_id && photo.num_hangings < kMaxNumHangingsOfPhoto) {
       rest.emplace(photo.Name(), &photo);
     }
   }
@@ -101,9 +103,10 @@ int HangPhotos(const Model& model, const std::vector<EpochCamera>& cameras, cons
       EpochPhoto& photo = *rest.at(result.query_name);
       record.epoch = EpochResult();
       record.epoch->hangs_on_others = true;
-      photo.localized_pose = result.cam_from_world;
-      photo.record = std::move(record);
+      photo.localized = result;
+      photo.refused = std::exchange(photo.record, std::move(record));
       photo.is_placed = true;
+      ++photo.num_hangings;
       ++num_found;
     }
   }

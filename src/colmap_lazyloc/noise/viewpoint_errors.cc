@@ -10,41 +10,19 @@
 namespace lazyloc {
 namespace {
 
-// Returns the expected errors at viewpoints, one per row: rotation, then displacement, in the priors' standard
-// deviations.
-Eigen::MatrixXd PredictErrors(const PosedImages& adjusted, const PriorGroup& group, const Rigid3d& first,
-                              const std::vector<Rigid3d>& viewpoints, double scene_distance) {
-  const auto size = static_cast<Eigen::Index>(group.frames.size());
-  const auto num_viewpoints = static_cast<Eigen::Index>(viewpoints.size());
-  std::vector<Rigid3d> poses;
-  Eigen::MatrixXd corrections(size, 6);
-  for (const int frame : group.frames) {
-    const PosePrior& prior = *adjusted.frames[frame].prior;
-    corrections.row(static_cast<Eigen::Index>(poses.size())) =
-        EvaluatePosePrior(prior, adjusted.frames[frame].frame_from_world).error;
-    poses.push_back(prior.frame_from_world);
-  }
-  poses.insert(poses.end(), viewpoints.begin(), viewpoints.end());
-  // Relate the errors at the viewpoints to those of the corrected frames. Only the part that changes with the
-  // viewpoint is common to both.
-  const Eigen::MatrixXd shared =
-      group.components[0].variance *
-      ViewpointErrorShape(poses, first, scene_distance).bottomLeftCorner(num_viewpoints, size);
-  const PriorPrecision precision = ComputePriorPrecision(group);
-  Eigen::MatrixXd errors(num_viewpoints, 6);
-  errors << shared * precision.rotation * corrections.leftCols<3>(),
-      shared * precision.position * corrections.rightCols<3>();
-  return errors;
-}
-
 void MoveFrame(const PosedImages& adjusted, const PriorGroup& group, int query_frame, const std::vector<int>& images,
                PosedImages* reported) {
   const Rigid3d& frame_from_world = adjusted.frames[query_frame].frame_from_world;
   const PosePrior& unit = *adjusted.frames[group.frames.front()].prior;  // its standard deviations are common to all
   std::vector<Rigid3d> viewpoints;
   for (const int image : images) viewpoints.push_back(CamFromWorld(adjusted, image));
-  const Eigen::MatrixXd errors =
-      PredictErrors(adjusted, group, frame_from_world, viewpoints, unit.position_stddev / unit.rotation_stddev_rad);
+  Eigen::MatrixXd deviations(group.frames.size(), 6), errors(images.size(), 6);
+  for (size_t i = 0; i < group.frames.size(); ++i) {
+    const Frame& frame = adjusted.frames[group.frames[i]];
+    deviations.row(static_cast<Eigen::Index>(i)) = EvaluatePosePrior(*frame.prior, frame.frame_from_world).error;
+  }
+  const PredictedErrors predicted = PredictErrors(adjusted, group, frame_from_world, viewpoints);
+  errors << predicted.by_rotation * deviations.leftCols<3>(), predicted.by_position * deviations.rightCols<3>();
   for (size_t i = 0; i < images.size(); ++i) {
     const Eigen::Matrix<double, 6, 1> error = errors.row(static_cast<Eigen::Index>(i));
     const Rigid3d& pose = viewpoints[i];
@@ -56,6 +34,27 @@ void MoveFrame(const PosedImages& adjusted, const PriorGroup& group, int query_f
 }
 
 }  // namespace
+
+PredictedErrors PredictErrors(const PosedImages& adjusted, const PriorGroup& group, const Rigid3d& first,
+                              const std::vector<Rigid3d>& viewpoints) {
+  const auto size = static_cast<Eigen::Index>(group.frames.size());
+  const auto num_viewpoints = static_cast<Eigen::Index>(viewpoints.size());
+  const PosePrior& unit = *adjusted.frames[group.frames.front()].prior;  // its standard deviations are common to all
+  std::vector<Rigid3d> poses;
+  for (const int frame : group.frames) poses.push_back(adjusted.frames[frame].prior->frame_from_world);
+  poses.insert(poses.end(), viewpoints.begin(), viewpoints.end());
+  // Relate the errors at the viewpoints to those of the corrected frames. Only the part that changes with the
+  // viewpoint is common to both.
+  const Eigen::MatrixXd shape =
+      group.components[0].variance * ViewpointErrorShape(poses, first, unit.position_stddev / unit.rotation_stddev_rad);
+  const Eigen::MatrixXd shared = shape.bottomLeftCorner(num_viewpoints, size);
+  const PriorPrecision precision = ComputePriorPrecision(group);
+  PredictedErrors predicted{shared * precision.rotation, shared * precision.position, {}, {}};
+  const Eigen::VectorXd variances = shape.diagonal().tail(num_viewpoints);
+  predicted.rotation_variances = variances - predicted.by_rotation.cwiseProduct(shared).rowwise().sum();
+  predicted.position_variances = variances - predicted.by_position.cwiseProduct(shared).rowwise().sum();
+  return predicted;
+}
 
 PosedImages RelativeToGivenDatabase(const Layout& layout, const PosedImages& adjusted) {
   PosedImages reported = adjusted;

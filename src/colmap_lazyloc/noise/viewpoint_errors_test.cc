@@ -58,6 +58,21 @@ TEST(RelativeToGivenDatabase, AnImageMovesBackAsTheDatabaseFrameAtItsViewpoint) 
   EXPECT_LT((CamInWorld(scene.Moved()) - CamInWorld(expected)).norm(), 1e-4);
 }
 
+TEST(PredictErrors, VarianceGrowsWithTheDistanceFromTheDatabaseFrames) {
+  const Scene scene;
+  const std::vector<Rigid3d> viewpoints = {{Eigen::Quaterniond::Identity(), {-1, 0, 0}},
+                                           {Eigen::Quaterniond::Identity(), {-1, 0.5, 0}},
+                                           {Eigen::Quaterniond::Identity(), {-1, 1, 0}}};
+  const PredictedErrors predicted = PredictErrors(scene.adjusted, scene.adjusted.prior_groups[0],
+                                                  scene.adjusted.frames[0].frame_from_world, viewpoints);
+  EXPECT_TRUE(predicted.by_position.row(0).isApprox(Eigen::RowVector3d(0, 1, 0), 1e-4)) << "that of its database frame";
+  EXPECT_NEAR(predicted.position_variances[0], 0, 1e-5);
+  // A distance of 0.5 is 0.05 times the scene's, where the variance between two viewpoints is (0.05 / 0.2)^1.5.
+  EXPECT_GT(predicted.rotation_variances[1], 0.05);
+  EXPECT_LT(predicted.rotation_variances[1], 0.125);
+  EXPECT_GT(predicted.rotation_variances[2], 1.5 * predicted.rotation_variances[1]);
+}
+
 TEST(RelativeToGivenDatabase, IndependentErrorsStayWithTheirDatabaseFrame) {
   Scene scene;
   Rigid3d& corrected = scene.adjusted.frames[2].frame_from_world;

@@ -316,7 +316,7 @@ bool ParseCommandLine(int argc, char** argv, MergerOptions* options) {
 bool ParseCommandLine(int argc, char** argv, EpochCommandOptions* options) {
   return ParseAndCheck(argc, argv, "lazy_epoch",
                        "colmap lazy_epoch: adjusts new photos that colmap lazy_localizer has localized, all together, "
-                       "with the database images held constant.",
+                       "in the frame of the database images, which do not move.",
                        options);
 }
 

@@ -1,12 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/match.h"
 
 namespace lazyloc {
@@ -22,9 +24,12 @@ struct JointCamera {
 struct JointImage {
   int camera = -1;  // index into JointScene::cameras
   Rigid3d cam_from_world;
-  bool is_constant = false;  // a database image
-  double noise_px = 1;       // standard deviation of its keypoints per coordinate
+  bool is_database = false;
+  double noise_px = 1;  // standard deviation of its keypoints per coordinate
   std::vector<Eigen::Vector2d> keypoints;
+  // Of a database image whose pose may be off: adjustment corrects it as far as the prior lets it. Without a prior a
+  // database image is constant.
+  std::optional<PosePrior> prior = std::nullopt;
 };
 
 // Verified matches of two images. A match's other_point is a keypoint of image1, its query_point one of image2.
@@ -49,6 +54,9 @@ struct JointScene {
   std::vector<JointImage> images;
   std::vector<JointPair> pairs;
   std::vector<JointPoint> points;
+  // Inverse covariance of the deviations from the priors, in their standard deviations: of one coordinate of the
+  // rotations and of the positions, by image with a prior.
+  Eigen::MatrixXd rotation_precision = {}, position_precision = {};
 };
 
 }  // namespace lazyloc

@@ -1,0 +1,237 @@
+#include "colmap_lazyloc/epoch/database_errors.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include <Eigen/SparseCholesky>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/noise/viewpoint_errors.h"
+#include "colmap_lazyloc/refinement/prior_precision.h"
+
+namespace lazyloc {
+namespace {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using SparseMatrix = Eigen::SparseMatrix<double>;
+
+constexpr size_t kMaxNumDenseImages = 150;
+
+Layout MakeEpochLayout(const JointScene& scene) {
+  Layout layout;
+  layout.num_query_frames = 1;
+  layout.given.frames.emplace_back();
+  layout.queries_of_frame.resize(1);
+  layout.database_frames_of_frame.resize(1);
+  for (const JointImage& given : scene.images) {
+    Image image;
+    image.frame = 0;
+    if (given.is_database) {
+      image.frame = static_cast<int>(layout.given.frames.size());
+      layout.database_frames_of_frame[0].push_back(image.frame);
+      Frame& frame = layout.given.frames.emplace_back();
+      frame.frame_from_world = given.cam_from_world;
+      frame.is_database = true;
+    } else {
+      layout.queries_of_frame[0].push_back(layout.num_queries++);
+    }
+    layout.given.images.push_back(image);
+  }
+  return layout;
+}
+
+std::vector<FrameScale> MeasureScales(const JointScene& scene, const Layout& layout) {
+  std::vector<std::vector<double>> distances(layout.given.frames.size());
+  for (const JointPoint& point : scene.points) {
+    for (const JointObservation& observation : point.observations) {
+      const Rigid3d& pose = scene.images[observation.image].cam_from_world;
+      distances[layout.FrameOf(observation.image)].push_back((pose * point.point_in_world).norm());
+    }
+  }
+  std::vector<FrameScale> scales(layout.given.frames.size());
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    const int frame = layout.FrameOf(static_cast<int>(i));
+    if (distances[frame].empty()) continue;
+    scales[frame] = {MeanFocalLength(scene.cameras[scene.images[i].camera].camera), HarmonicMean(distances[frame])};
+  }
+  return scales;
+}
+
+// Returns the precision of the deviations that adjustment uses.
+PriorPrecision PrecisionOf(const PriorGroup& group) {
+  if (group.frames.size() <= kMaxNumDenseImages) return ComputePriorPrecision(group);
+  const auto size = static_cast<Eigen::Index>(group.frames.size());
+  Eigen::VectorXd rotation = Eigen::VectorXd::Zero(size), position = rotation;
+  for (const VarianceComponent& component : group.components) {
+    const Eigen::VectorXd variances = component.variance * component.shape.diagonal();
+    if (component.Moves(PosePart::ROTATION)) rotation += variances;
+    if (component.Moves(PosePart::POSITION)) position += variances;
+  }
+  return {rotation.cwiseInverse().asDiagonal(), position.cwiseInverse().asDiagonal()};
+}
+
+// Returns the place of the deviations in the information of an adjustment: six consecutive parameters by frame.
+std::vector<int> PlacesOf(const PriorGroup& group, int num_queries, const JointAdjustment& adjustment) {
+  std::vector<int> places;
+  for (const int frame : group.frames) places.push_back(adjustment.first_parameter[frame - 1 + num_queries]);
+  return places;
+}
+
+// Returns the information of the images on the deviations, without the priors, with all other parameters eliminated.
+// One coordinate of all frames after the other.
+Eigen::MatrixXd InformationOnDeviations(const SparseMatrix& information, const std::vector<int>& places,
+                                        const PriorPrecision& precision) {
+  const auto size = static_cast<Eigen::Index>(places.size());
+  std::vector<bool> is_kept(information.cols(), false);
+  Eigen::VectorXi order(information.cols());  // the new index of a parameter
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (int k = 0; k < 6; ++k) is_kept[places[i] + k] = true;
+  }
+  int num_others = 0;
+  for (Eigen::Index i = 0; i < information.cols(); ++i) {
+    if (!is_kept[i]) order[i] = num_others++;
+  }
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (int k = 0; k < 6; ++k) order[places[i] + k] = num_others + static_cast<int>(k * size + i);
+  }
+  const Eigen::PermutationMatrix<Eigen::Dynamic> permutation(order);
+  const SparseMatrix sorted = permutation * information * permutation.transpose();
+  const SparseMatrix of_others = sorted.topLeftCorner(num_others, num_others);
+  const Eigen::MatrixXd coupling = SparseMatrix(sorted.topRightCorner(num_others, 6 * size));
+  Eigen::MatrixXd kept = SparseMatrix(sorted.bottomRightCorner(6 * size, 6 * size));
+  kept -= coupling.transpose() * Eigen::SimplicialLDLT<SparseMatrix>(of_others).solve(coupling);
+  for (Eigen::Index k = 0; k < 6; ++k) kept.block(k * size, k * size, size, size) -= precision.Of(k);
+  return kept;
+}
+
+// Returns the derivative of a pose's tangent by the error at its viewpoint, in the prior's standard deviations, when
+// the error is taken away (RelativeToGivenDatabase).
+Matrix6d TangentFromError(const Rigid3d& pose, const PosePrior& unit) {
+  const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
+  Matrix6d derivative = Matrix6d::Zero();
+  derivative.topLeftCorner<3, 3>() = -unit.rotation_stddev_rad * rotation;
+  derivative.bottomLeftCorner<3, 3>() = unit.rotation_stddev_rad * Hat(pose.translation) * rotation;
+  derivative.bottomRightCorner<3, 3>() = unit.position_stddev * rotation;
+  return derivative;
+}
+
+}  // namespace
+
+DatabaseErrors::DatabaseErrors(const JointScene& given)
+    : layout_(MakeEpochLayout(given)), priors_(layout_, LocalizerOptions()) {}
+
+PosedImages DatabaseErrors::PosedBy(const JointScene& scene) const {
+  PosedImages posed = posed_.frames.empty() ? layout_.given : posed_;
+  const Rigid3d& first = scene.images.front().cam_from_world;
+  posed.frames[0].frame_from_world = first;
+  for (size_t i = 0; i < scene.images.size(); ++i) {
+    const Rigid3d& pose = scene.images[i].cam_from_world;
+    if (layout_.IsDatabase(static_cast<int>(i))) {
+      posed.frames[FrameOf(i)].frame_from_world = pose;
+    } else {
+      posed.images[i].cam_from_frame = pose * Inverse(first);
+    }
+  }
+  return posed;
+}
+
+void DatabaseErrors::SetPriors(JointScene* scene) {
+  posed_ = PosedBy(*scene);
+  priors_.Set(MeasureScales(*scene, layout_), &posed_);
+  for (size_t i = layout_.num_queries; i < scene->images.size(); ++i) {
+    scene->images[i].prior = posed_.frames[FrameOf(i)].prior;
+    if (!scene->images[i].prior) scene->images[i].cam_from_world = layout_.given.frames[FrameOf(i)].frame_from_world;
+  }
+  const PriorPrecision precision = PrecisionOf(posed_.prior_groups[0]);
+  scene->rotation_precision = precision.rotation;
+  scene->position_precision = precision.position;
+}
+
+void DatabaseErrors::Estimate(const JointScene& scene, const JointAdjustment& adjustment) {
+  const PriorGroup& group = posed_.prior_groups[0];
+  if (group.frames.empty() || group.frames.size() > kMaxNumDenseImages) return;
+  BundleAdjustmentResult result;
+  result.posed = PosedBy(scene);
+  PriorFit fit{Eigen::MatrixXd(group.frames.size(), 6),
+               InformationOnDeviations(adjustment.information, PlacesOf(group, layout_.num_queries, adjustment),
+                                       ComputePriorPrecision(group))};
+  for (size_t i = 0; i < group.frames.size(); ++i) {
+    const Frame& frame = result.posed.frames[group.frames[i]];
+    fit.deviations.row(static_cast<Eigen::Index>(i)) = EvaluatePosePrior(*frame.prior, frame.frame_from_world).error;
+  }
+  result.prior_fits.push_back(std::move(fit));
+  priors_.Estimate(result, adjustment.variance_factor);
+}
+
+std::vector<Matrix6d> DatabaseErrors::PhotoCovariances(const JointScene& scene,
+                                                       const JointAdjustment& adjustment) const {
+  std::vector<Matrix6d> covariances(layout_.num_queries, Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  const PosedImages posed = PosedBy(scene);
+  PriorGroup group = posed.prior_groups[0];
+  const PriorPrecision precision = PrecisionOf(group);
+  const std::vector<double> variances = VariancesForCovariance(group, {}, adjustment.variance_factor);
+  for (size_t i = 0; i < variances.size(); ++i) {
+    group.components[i].variance = variances[i] / adjustment.variance_factor;
+  }
+  const std::vector<int> places = PlacesOf(group, layout_.num_queries, adjustment);
+  const auto size = static_cast<Eigen::Index>(places.size());
+  const PriorPrecision wider = PrecisionOf(group);
+  std::vector<Eigen::Triplet<double>> changes;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j < size; ++j) {
+      for (int k = 0; k < 6; ++k) {
+        const double difference = wider.Of(k)(i, j) - precision.Of(k)(i, j);
+        if (difference != 0) changes.emplace_back(places[i] + k, places[j] + k, difference);
+      }
+    }
+  }
+  SparseMatrix change(adjustment.information.rows(), adjustment.information.cols());
+  change.setFromTriplets(changes.begin(), changes.end());
+  const Eigen::SimplicialLDLT<SparseMatrix> factors(adjustment.information + change);
+  if (factors.info() != Eigen::Success) return covariances;
+  std::vector<Rigid3d> viewpoints;
+  for (int i = 0; i < layout_.num_queries; ++i) viewpoints.push_back(scene.images[i].cam_from_world);
+  PredictedErrors predicted;
+  if (size > 0) predicted = PredictErrors(posed, group, viewpoints.front(), viewpoints);
+  for (int i = 0; i < layout_.num_queries; ++i) {
+    const int first = adjustment.first_parameter[i];
+    if (first < 0) continue;
+    Eigen::MatrixXd gain = Eigen::MatrixXd::Zero(adjustment.information.cols(), 6);
+    gain.middleRows<6>(first).setIdentity();
+    Matrix6d of_prediction = Matrix6d::Zero();
+    if (size > 0) {
+      const Matrix6d derivative = TangentFromError(viewpoints[i], *posed.frames[group.frames.front()].prior);
+      for (Eigen::Index j = 0; j < size; ++j) {
+        gain.middleRows<3>(places[j]) = predicted.by_rotation(i, j) * derivative.leftCols<3>().transpose();
+        gain.middleRows<3>(places[j] + 3) = predicted.by_position(i, j) * derivative.rightCols<3>().transpose();
+      }
+      Eigen::Matrix<double, 6, 1> unpredicted;
+      unpredicted << Eigen::Vector3d::Constant(predicted.rotation_variances[i]),
+          Eigen::Vector3d::Constant(predicted.position_variances[i]);
+      of_prediction = derivative * unpredicted.asDiagonal() * derivative.transpose();
+    }
+    const Matrix6d covariance = adjustment.variance_factor * (gain.transpose() * factors.solve(gain) + of_prediction);
+    if (covariance.diagonal().minCoeff() > 0) covariances[i] = (covariance + covariance.transpose()) / 2;
+  }
+  return covariances;
+}
+
+void DatabaseErrors::ReturnToGivenDatabase(const JointAdjustment& adjustment, JointScene* scene) const {
+  const PosedImages reported = RelativeToGivenDatabase(layout_, PosedBy(*scene));
+  for (size_t i = 0; i < scene->images.size(); ++i) {
+    JointImage& image = scene->images[i];
+    if (image.is_database) {
+      image.cam_from_world = layout_.given.frames[FrameOf(i)].frame_from_world;
+    } else if (adjustment.first_parameter[i] >= 0) {
+      image.cam_from_world = CamFromWorld(reported, static_cast<int>(i));
+    }
+    image.prior.reset();
+  }
+  scene->rotation_precision.resize(0, 0);
+  scene->position_precision.resize(0, 0);
+}
+
+}  // namespace lazyloc
