@@ -629,6 +629,25 @@ def test_list_of_coefficients_of_nerfstudio(of_frames, tmp_path):
         read(path, camera=None)
 
 
+@pytest.mark.parametrize("key", ["distortion", "dist_coeffs"])
+@pytest.mark.parametrize("kind", ["transforms", "polycam_keyframes", "splatting"])
+def test_lists_of_coefficients_of_unknown_order_are_refused(kind, key, tmp_path):
+    path = WRITERS[kind].write(tmp_path, make_poses(["a.jpg"]))
+    file = path / "a.json" if path.is_dir() else path
+    text = file.read_text().replace("{", f'{{"{key}": [0.1, 0, 0, 0], ', 1)
+    file.write_text(text)
+    with pytest.raises(InputError, match="of unknown order: name its coefficients k1, k2, p1, p2"):
+        read(path, camera=None)
+    file.write_text(text.replace("[0.1,", "[0,"))
+    assert read(path, camera=None).images[0].camera.model == "PINHOLE"
+
+
+def test_principal_point_of_splatting(tmp_path):
+    path = pose_writers.splatting(tmp_path, make_poses(["a.jpg"]))
+    path.write_text(path.read_text().replace('"fx"', '"cx": 310.0, "cy": 250.0, "fx"'))
+    assert read(path, camera=None).images[0].camera == CAMERA
+
+
 def test_coefficients_of_blocks_exchange_that_would_be_dropped(tmp_path):
     path = pose_writers.blocks_exchange(tmp_path, make_poses(["a.jpg"]))
     path.write_text(path.read_text().replace("<FocalLength>", "<Distortion><K4>0.1</K4></Distortion><FocalLength>"))

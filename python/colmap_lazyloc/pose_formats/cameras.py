@@ -135,7 +135,9 @@ def both(
 
 def refuse_others(values: Mapping[str, Any], known: set[str]) -> None:
     """Refuses a camera with a coefficient that would be dropped; `known`: those that are used."""
-    for name in values:
+    for name, value in values.items():
+        if isinstance(value, list) and "dist" in name and any(map(float, value)):
+            raise ValueError(f"a camera has a list {name} of unknown order: name its coefficients k1, k2, p1, p2")
         if name not in known and COEFFICIENT.fullmatch(name) and number(values, name) != 0:
             raise ValueError(f"a camera has a coefficient {name}, which COLMAP's camera models lack or name otherwise")
 

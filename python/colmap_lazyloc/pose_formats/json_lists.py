@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import brown_camera, named_camera
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
@@ -42,12 +41,12 @@ def parse_polycam(source: Source) -> RawPoses:
 
 
 def parse_splatting(source: Source) -> RawPoses:
-    """Reads cameras.json of 3D Gaussian Splatting, whose cameras have no distortion."""
+    """Reads cameras.json of 3D Gaussian Splatting."""
 
     def parse_camera(values: dict[str, Any]) -> RawPose:
         size = int(values["width"]), int(values["height"])
-        focal = float(values["fx"]), float(values["fy"])
-        camera: Camera = source.camera or brown_camera(size, focal, (size[0] / 2, size[1] / 2))
+        named = {simple_name(name): value for name, value in values.items()}
+        camera = source.camera or named_camera(named, size)
         return RawPose(values["rotation"], values["position"], str(values["img_name"]), camera=camera)
 
     return RawPoses(each(read_json(source.path), parse_camera))

@@ -293,7 +293,7 @@ FORMATS: dict[str, Format] = {
         json_lists.parse_splatting,
         lambda f: f.json("img_name", "position", "rotation"),
         Convention(TO_WORLD, rotation="matrix", vector="centre"),
-        cameras="fx, fy",
+        cameras="fx, fy, cx, cy",
     ),
     "rtabmap": _trajectory(
         "RTAB-Map: poses with ids, ..._camera_poses.txt; poses of the robot need --calibration",
