@@ -148,6 +148,10 @@ def test_photos_of_a_real_scene():
     scene = read_scene(DATA_PATH / "herzjesu", by_photos=True)
     assert len(scene.pairs) > 30
     assert explain_scene(scene).given.agrees
+    # Errors are in the same pixels, however many are seen.
+    camera = next(iter(read_model(DATA_PATH / "herzjesu" / "model").cameras.values()))
+    focal_px = camera.params[0] * (photo_pairs.UNIT_NUM_PX / (camera.width * camera.height)) ** 0.5
+    assert [pair.focal_px for pair in scene.pairs] == pytest.approx([focal_px] * len(scene.pairs), rel=0.01)
     mirrored = CORRUPTIONS["mirrored axes"][0](scene)
     assert "left-handed" in explain_scene(mirrored).reading.title
 
@@ -167,6 +171,13 @@ def test_no_more_photos_are_matched_than_are_used(monkeypatch):
     monkeypatch.setattr(photo_pairs, "NUM_AT_ONCE", photo_pairs.NUM_RANDOM)
     every = [(pair.first, pair.second) for pair in read_scene(DATA_PATH / "herzjesu", by_photos=True).pairs]
     assert some == every and 2 * num_tried < len(tried)
+
+
+def test_few_matches_need_few_trials():
+    """Of 20 matches, nearly all must fit, which a few trials of seven matches find."""
+    counts = [photo_pairs._num_trials(count) for count in (20, 25, 30, 40, 600)]
+    assert counts == sorted(counts)
+    assert counts[0] < 10 and counts[2] < 200 and counts[-2:] == [photo_pairs.MAX_NUM_TRIALS] * 2
 
 
 @pytest.mark.parametrize(

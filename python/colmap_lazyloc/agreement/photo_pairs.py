@@ -30,13 +30,14 @@ NUM_NEAREST = 2  # photos that are its neighbours by the given poses
 NUM_RANDOM = 120  # further pairs that are tried
 NUM_AT_ONCE = 10  # of these
 # How many pixels larger photos are reduced to, and features: first, and if too few pairs match so.
-COARSE, FINE = (150_000, 600), (300_000, 800)
+COARSE, FINE = (100_000, 400), (300_000, 800)
 NUM_ENOUGH = 40  # pairs
+UNIT_NUM_PX = 300_000  # of a photo in whose pixels errors are, however many were seen
 MIN_DISPLACEMENT_PX = 2.0  # of a match in the reduced photo: what does not move is a bonnet, a time stamp, a watermark
 MAX_RATIO = 0.8  # of distances to the best and the second-best match
-MAX_NUM_TRIALS = 500  # of RANSAC
+MAX_NUM_TRIALS, CONFIDENCE = 500, 0.999  # of RANSAC
 MAX_SHAPE = 0.02  # by which the aspect ratio of a photo may differ from that of its camera
-MAX_ERROR_PX = 3.0  # from epipolar lines, in the reduced photo
+MAX_ERROR_PX = 3.0  # from epipolar lines; of a fundamental matrix, in the reduced photo
 CERTAIN_PX = 0.6  # median error of unverified matches below which the given poses are right for them
 
 
@@ -176,8 +177,8 @@ def _match(
 
     def pair_of(chosen: Array) -> MatchedPair:
         pair = MatchedPair.of((first, second), cameras, (points[0][chosen], points[1][chosen]))
-        # Keypoints are as exact as the pixels that were seen.
-        return dataclasses.replace(pair, focal_px=pair.focal_px / scale)
+        ratio = max(camera.width * camera.height for camera in cameras) / UNIT_NUM_PX
+        return dataclasses.replace(pair, focal_px=pair.focal_px / max(1.0, ratio**0.5))
 
     fitting = _fitting(pair_of(np.arange(len(good))), poses)
     if len(fitting.rays1) >= MIN_NUM_MATCHES:
@@ -205,8 +206,16 @@ def _inliers(cameras: tuple[Camera, Camera], points: tuple[Array, Array], max_er
         return known
     cv2.setRNGSeed(SEED)
     # A fundamental matrix needs no focal length, which may be what is wrong.
-    _, mask = cv2.findFundamentalMat(flat[0][known], flat[1][known], cv2.FM_RANSAC, max_error_px, 0.999, MAX_NUM_TRIALS)
+    _, mask = cv2.findFundamentalMat(
+        flat[0][known], flat[1][known], cv2.FM_RANSAC, max_error_px, CONFIDENCE, _num_trials(len(known))
+    )
     return known[mask.ravel() > 0] if mask is not None else known[:0]
+
+
+def _num_trials(num_matches: int) -> int:
+    """Returns how many trials of seven matches find a fundamental matrix that enough of these fit, if there is one."""
+    share = (MIN_NUM_MATCHES / (num_matches + 1)) ** 7  # of trials that find it, at least
+    return min(MAX_NUM_TRIALS, math.ceil(math.log(1 - CONFIDENCE) / math.log1p(-share)))
 
 
 def _match_descriptors(one: Array, other: Array) -> Array:
