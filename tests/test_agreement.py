@@ -286,6 +286,27 @@ def test_images_are_named_if_half_of_the_pairs_are_off():
     assert set(contradicted_images(pairs, errors)) == wrong
 
 
+def test_image_with_a_single_pair_is_named():
+    pairs = [*itertools.combinations(range(5), 2), (3, 5)]
+    errors = np.array([0.2] * 10 + [15.0])
+    assert contradicted_images(pairs, errors) == [5]
+
+
+def test_images_without_pairs_are_named_as_not_compared(scene):
+    images = [PosedImage(n, CAMERA, Pose.from_centre(*pose)) for n, *pose in zip(
+        scene.names, scene.poses.rotations, scene.poses.centres)]  # fmt: skip
+    images += [dataclasses.replace(images[0], name=f"alone_{index}.jpg") for index in range(5)]
+    line = judge(scene.pairs, images, COLMAP, is_metric=True).line
+    assert line.endswith("; not compared: image_038.jpg, alone_0.jpg, alone_1.jpg and 3 more")
+
+
+@pytest.mark.parametrize(("px", "verdict"), [(1.5, "photos: "), (3.0, "photos within their errors: ")])
+def test_poses_with_errors_of_pixels_do_not_simply_agree(scene, px, verdict):
+    explanation = explain_scene(disturb(scene, 0.1, 0.001))
+    given = dataclasses.replace(explanation.given, px=np.full(len(scene.pairs), px))
+    assert describe(dataclasses.replace(explanation, given=given), "m").startswith(f"poses agree with the {verdict}")
+
+
 def test_relative_poses_are_estimated_only_if_matches_do_not_fit(scene, monkeypatch):
     estimated = []
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from colmap_lazyloc.agreement.contradictions import contradicted_images
-from colmap_lazyloc.agreement.explain import AGREEING_PX, MAX_ROTATION_DEG, Explanation, explain
+from colmap_lazyloc.agreement.explain import AGREEING_PX, MAX_ROTATION_DEG, MOVED_PX, Explanation, explain
 from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, MatchedPair, pairs_of_database
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.database import DatabaseReader
@@ -20,7 +20,7 @@ from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
 
 MAX_NUM_NAMED = 10  # images that contradict the others
-MAX_NUM_TURNED = 3  # images that are named as turned
+MAX_NUM_TURNED = 3  # images that are named as turned, or as not compared
 PAIRS_OF_AN_IMAGE = 3  # that are looked at, to name images whose poses are wrong
 MAX_NUM_IMAGE_PAIRS = 3000
 NEEDED = ("cv2", "scipy")
@@ -110,6 +110,9 @@ def judge(
         px = medians_by_pair(matches, errors_px(matches, poses, poses))
         contradicted = contradicted_images([(pair.first, pair.second) for pair in pairs], px)
     line = describe(explanation, "m" if is_metric else "units", turned)
+    unmatched = sorted(set(range(len(images))).difference(matches.first.tolist(), matches.second.tolist()))
+    if unmatched and not is_wrong:
+        line += f"; not compared: {_first([images[index].name for index in unmatched], MAX_NUM_TURNED)}"
     remedy = "" if explanation.reading is None else explanation.reading.remedy
     options = remedy.removeprefix("give ")
     options = options if re.fullmatch(r"(--\w+ \w+ ?)+", options) else ""
@@ -126,8 +129,8 @@ def describe(explanation: Explanation, unit: str, turned: str = "") -> str:
             after = f"they do within {np.nanmedian(mended.rotation_deg):.1f} degrees"
         title = f"{reading.title} ({turned})" if turned else reading.title
         return f"the poses do not fit the photos: {agreeing} agree; as poses {title}, {after}: {reading.remedy}"
-    if given.agrees:
-        px = float(np.median(given.px))
+    px = float(np.median(given.px))
+    if given.agrees and px <= MOVED_PX:
         degrees = np.degrees(px / np.median([pair.focal_px for pair in explanation.pairs]))
         return f"poses agree with the photos: {agreeing}, median {px:.1f} px, {degrees:.2f} degrees"
     turned_deg = float(np.nanmedian(given.rotation_deg))

@@ -6,8 +6,7 @@ import numpy as np
 
 from colmap_lazyloc.array_types import Floats
 
-MIN_NUM_PAIRS = 2  # that contradict an image
-MIN_SHARE = 0.6  # of an image's pairs
+MIN_SHARE = 0.6  # of an image's pairs that contradict it
 # Errors of a pair that disagrees: in pixels, and over the lower quartile, because wrong poses may move the median.
 MIN_PX, QUARTILE_RATIO = 1.5, 12.5
 
@@ -25,7 +24,7 @@ def contradicted_images(pairs: Sequence[tuple[int, int]], px: Floats) -> list[in
     while np.any(is_left & disagrees):
         all_of = np.bincount(rows[is_left].ravel())
         bad_of = np.bincount(rows[is_left & disagrees].ravel(), minlength=len(all_of))
-        is_suspect = (bad_of >= MIN_NUM_PAIRS) & (bad_of >= MIN_SHARE * all_of)
+        is_suspect = (bad_of > 0) & (bad_of >= MIN_SHARE * all_of)
         if not is_suspect.any():
             break
         worst = int(np.argmax(np.where(is_suspect, bad_of + bad_of / np.maximum(all_of, 1), 0)))
