@@ -62,6 +62,7 @@ from colmap_lazyloc.results import RESULTS, pose_of, read_geodetic, read_results
 
 MAX_NUM_LINES = 20  # of queries that are printed
 SINGLE_CAMERA = "--ImageReader.single_camera"
+POSITIONS = "--LazyLocalizer.Advanced.photo_position_path"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -343,6 +344,10 @@ def _localize(
         words = [*words, "--LazyLocalizer.group_size", str(options.sequence)]
     elif not any(word.startswith(SINGLE_CAMERA) for word in words) and _have_one_camera(project, options, cameras):
         words = [*words, SINGLE_CAMERA, "1"]
+    is_retrieved = len(used) > steps.MAX_NUM_EXHAUSTIVE and not has_stored_queries(options)
+    if is_retrieved and not any(word.startswith(POSITIONS) for word in words):
+        path = steps.write_gps(project.folder, queries)
+        words = words if path is None else [*words, POSITIONS, str(path)]
     if has_stored_queries(options):
         queries = steps.add_queries(project, queries, used, cameras[queries[0]], options.sequence is not None)
     elif project.folder.query_database.exists():

@@ -23,7 +23,8 @@ from colmap_lazyloc.errors import InputError, logger, nearest
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.colmap import write_posed_images
-from colmap_lazyloc.pose_formats.exif_gps import in_local_frame, read_photos
+from colmap_lazyloc.pose_formats.exif_gps import in_local_frame, read_photos, write_positions
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, Positions, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
 from colmap_lazyloc.project.alignment import Distance, NotAlignedError, align_to_positions, scale_to_distance
@@ -290,6 +291,18 @@ def _gps_of_photos(folder: Folder, names: Sequence[str]) -> Positions:
     if not found:
         raise NotAlignedError("no photo has GPS")
     return in_local_frame(found)
+
+
+def write_gps(folder: Folder, names: Sequence[str]) -> pathlib.Path | None:
+    """Writes the positions that queries have in EXIF, in the coordinates of the model; returns the file, None if there
+    is no position or the model is not geographic."""
+    origin = None if _missing_for_gps() else GeoOrigin.read(folder.model)
+    found = read_photos({name: folder.images / name for name in names}) if origin else []
+    if not found:
+        return None
+    path = folder.write_list("gps", ())
+    write_positions(path, found, origin)
+    return path
 
 
 def _missing_for_gps() -> list[str]:

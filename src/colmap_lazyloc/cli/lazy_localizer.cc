@@ -104,7 +104,8 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   IdleThreads idle_threads(EffectiveNumThreads(options.num_threads) - 1);
   Localizer localizer(options.source, options.localizer, std::move(model), options.num_threads, &idle_threads);
   const QuerySource& source = *localizer.Source();
-  for (const std::string& warning : source.Warnings()) PrintWarning(warning);
+  const std::vector<std::string> warnings = source.Warnings();
+  for (const std::string& warning : warnings) PrintWarning(warning);
   KeepFreedMemory();
   const std::vector<size_t> groups = GroupsOfShard(source, ParseShard(options.shard));
   const RunManifest manifest = MakeManifest(options, source, model_fingerprint, groups);
@@ -116,6 +117,8 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   const SharedCameras shared_cameras = options.source.single_camera ? ShareCameras(&localizer) : SharedCameras();
   Progress progress(size, options.log_path, options.resume);
   LocalizeRest(localizer, groups, &idle_threads, &run, &progress);
+  const std::vector<std::string> later_warnings = source.Warnings();  // of an index that was made meanwhile
+  for (size_t i = warnings.size(); i < later_warnings.size(); ++i) PrintWarning(later_warnings[i]);
 
   const QueryRecords records({run.RecordsPath()});
   DatabaseContent database = {source.Database(), source.Selection().DatabaseImages()};

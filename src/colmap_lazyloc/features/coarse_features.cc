@@ -1,11 +1,8 @@
 #include "colmap_lazyloc/features/coarse_features.h"
 
-#include <optional>
-#include <utility>
-#include <vector>
-
 #include "colmap_lazyloc/bridge/feature_extraction.h"
-#include "colmap_lazyloc/features/kept_features.h"
+#include "colmap_lazyloc/features/descriptor_matching.h"
+#include "colmap_lazyloc/features/feature_statistics.h"
 #include "colmap_lazyloc/files/checksum.h"
 #include "colmap_lazyloc/scene/format.h"
 
@@ -29,20 +26,19 @@ std::optional<Features> Extract(const std::filesystem::path& path) {
 
 }  // namespace
 
-CoarseFeatures::CoarseFeatures(std::filesystem::path image_path, const std::map<uint32_t, std::string>& names,
-                               const std::filesystem::path& folder, IdleThreads* idle_threads)
-    : image_path_(std::move(image_path)) {
-  const KeptFeatures kept(folder);
+std::optional<Features> CoarseExtraction::Get(const std::string& image_name) const {
+  const std::filesystem::path path = image_path_ / image_name;
   const std::string key = Format("coarse SIFT %d %d ", kMaxSize, kMaxNumFeatures);
+  return kept_.Get(image_name, path, key, FeatureType::SIFT, [&] { return Extract(path); });
+}
+
+CoarseFeatures::CoarseFeatures(const CoarseExtraction& extraction, const std::map<uint32_t, std::string>& names,
+                               IdleThreads* idle_threads)
+    : image_path_(extraction.ImagePath()) {
   const std::vector<std::pair<uint32_t, std::string>> images(names.begin(), names.end());
   std::vector<std::optional<Features>> features(images.size());
   ParallelFor(
-      images.size(),
-      [&](size_t i) {
-        const std::filesystem::path path = image_path_ / images[i].second;
-        features[i] = kept.Get(images[i].second, path, key, FeatureType::SIFT, [&] { return Extract(path); });
-      },
-      idle_threads);
+      images.size(), [&](size_t i) { features[i] = extraction.Get(images[i].second); }, idle_threads);
   uint32_t checksum = 0;
   for (size_t i = 0; i < images.size(); ++i) {
     if (!features[i]) continue;
@@ -59,6 +55,20 @@ DescriptorCounts CoarseFeatures::Counts() const {
   for (const auto& [image_id, features] : features_) {
     if (!features.keypoints.empty()) counts.of_image.emplace(image_id, features.keypoints.size());
   }
+  return counts;
+}
+
+std::vector<size_t> CountCoarseMatches(const Features& query,
+                                       const std::vector<std::shared_ptr<const std::optional<Features>>>& coarse,
+                                       IdleThreads* idle_threads) {
+  const Descriptors largest = query.descriptors(IndicesOfLargest(query.keypoints, kMaxNumFeatures), Eigen::all);
+  std::vector<size_t> counts(coarse.size());
+  ParallelFor(
+      coarse.size(),
+      [&](size_t i) {
+        if (*coarse[i]) counts[i] = MatchDescriptors(largest, (*coarse[i])->descriptors).size();
+      },
+      idle_threads);
   return counts;
 }
 

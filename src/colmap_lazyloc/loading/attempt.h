@@ -7,6 +7,7 @@ namespace lazyloc {
 // What the queries of a group are tried with.
 struct Attempt {
   int num_retrieved = 20;               // database images per query
+  bool only_near = false;               // photos: only database images near their position, if it tells enough
   bool compares_all_features = false;   // of photos; false: first the largest, then all along epipolar lines
   bool uses_fallback_features = false;  // of photos; false: those of the database
   bool writes_matches = false;          // of photos, to --LazyLocalizer.Advanced.matches_output_path

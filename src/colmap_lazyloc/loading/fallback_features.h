@@ -8,19 +8,13 @@
 #include "colmap_lazyloc/database/lru_cache.h"
 #include "colmap_lazyloc/features/extracted_features.h"
 #include "colmap_lazyloc/features/feature_method.h"
+#include "colmap_lazyloc/loading/database_candidate.h"
 #include "colmap_lazyloc/loading/photo_options.h"
 #include "colmap_lazyloc/queries/query_selection.h"
 #include "colmap_lazyloc/scene/query_record.h"
 
 namespace lazyloc {
 
-// A posed image that photos can be matched with.
-struct DatabaseCandidate {
-  const ModelImage* image = nullptr;
-  uint32_t image_id = 0;  // in the database
-  bool is_stored = true;  // false if the database does not have its descriptors, which are extracted on demand
-};
-using DatabaseCandidates = std::vector<const DatabaseCandidate*>;
 using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;
 
 // Matches photos that the features of the database do not localize by those of another method, with the few database

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/features/coarse_features.h"
 #include "colmap_lazyloc/files/text_file.h"
+#include "colmap_lazyloc/loading/near_candidates.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -101,12 +101,15 @@ size_t NumBytes(const Features& features) {
 }  // namespace
 
 PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
-                         int seed, int num_threads, bool has_more_photos)
+                         int seed, int num_threads)
     : selection_(selection),
       options_(options),
       seed_(seed),
+      num_threads_(num_threads),
+      database_path_(database.Path()),
       default_camera_(ParseDefaultCamera(options)),
       features_(NumBytes, options.CacheBytes()),
+      coarse_features_([](const auto& features) { return features ? NumBytes(*features) : 0; }, options.CacheBytes()),
       exif_cameras_([](const std::string& camera) { return sizeof(std::string) + camera.size(); }) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
@@ -129,12 +132,6 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
     matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
   }
-  if ((has_more_photos && NeedsRetrieval({})) ||
-      std::any_of(selection.Photos().begin(), selection.Photos().end(),
-                  [this](const auto& photo) { return NeedsRetrieval(photo.second); })) {
-    index_ = MakeIndex(database, num_threads);
-    warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
-  }
 }
 
 void PhotoLoader::FindCandidates(const DescriptorCounts& counts) {
@@ -150,17 +147,33 @@ void PhotoLoader::FindCandidates(const DescriptorCounts& counts) {
   }
 }
 
-std::unique_ptr<RetrievalIndex> PhotoLoader::MakeIndex(const DatabaseReader& database, int num_threads) const {
+const RetrievalIndex& PhotoLoader::Index() const {
+  const std::lock_guard<std::mutex> lock(index_mutex_);
+  if (!index_) index_ = MakeIndex();
+  return *index_;
+}
+
+std::unique_ptr<RetrievalIndex> PhotoLoader::MakeIndex() const {
   const std::string& path = options_.retrieval_index_path;
-  if (!extracted_) return std::make_unique<RetrievalIndex>(path, database, RetrievalOptions(), seed_, num_threads);
+  if (!extracted_) {
+    return std::make_unique<RetrievalIndex>(path, DatabaseReader(database_path_), RetrievalOptions(), seed_,
+                                            num_threads_);
+  }
   std::map<uint32_t, std::string> names;
   for (const Candidate& candidate : candidates_) {
     if (extracted_->HasFile(candidate.image->name)) names.emplace(candidate.image_id, candidate.image->name);
   }
-  IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
-  const CoarseFeatures features(options_.image_path, names, path.empty() ? "" : path + ".coarse", &idle_threads);
+  IdleThreads idle_threads(EffectiveNumThreads(num_threads_) - 1);
+  const CoarseFeatures features(*coarse_, names, &idle_threads);
   return std::make_unique<RetrievalIndex>(path, selection_.DatabaseImages(), features, RetrievalOptions(), seed_,
-                                          num_threads);
+                                          num_threads_);
+}
+
+std::vector<std::string> PhotoLoader::Warnings() const {
+  const std::lock_guard<std::mutex> lock(index_mutex_);
+  std::vector<std::string> warnings = warnings_;
+  if (index_) warnings.insert(warnings.end(), index_->Warnings().begin(), index_->Warnings().end());
+  return warnings;
 }
 
 void PhotoLoader::ChooseMethods(FeatureType type, const FeatureReader& reader) {
@@ -175,6 +188,7 @@ void PhotoLoader::ChooseMethods(FeatureType type, const FeatureReader& reader) {
     }
     const std::string& index_path = options_.retrieval_index_path;
     extracted_.emplace(*methods_.database, options_.image_path, index_path.empty() ? "" : index_path + ".features");
+    coarse_.emplace(options_.image_path, index_path.empty() ? "" : index_path + ".coarse");
   }
   if (type != FeatureType::SIFT && !options_.matches_output_path.empty() && !MatchDatabase::CanHold(type)) {
     throw InputError(database_path + ": has features of type " + EnumName(type) +
@@ -233,13 +247,39 @@ PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) 
   return allowed;
 }
 
-PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Features& features,
-                                                      size_t num_retrieved, IdleThreads* idle_threads) const {
+DatabaseCandidates PhotoLoader::FindNear(const PhotoQuery& photo, const std::optional<PositionPrior>& position) const {
+  if (!position || !NeedsRetrieval(photo)) return {};
+  // The file of matches holds what a photo is compared with first, which must not be a wrong place.
+  if (matches_output_) return {};
+  // Other features are compared with few images only, because this takes longer.
+  if (methods_.is_fallback_first || !methods_.database->HasGuidedMatching()) return {};
+  return FindNearCandidates(*position, candidates_);
+}
+
+PhotoLoader::Candidates PhotoLoader::ChooseMostAlike(const Candidates& near, const Features& features,
+                                                     size_t num_retrieved, IdleThreads* idle_threads) const {
+  std::vector<std::shared_ptr<const std::optional<Features>>> coarse(near.size());
+  ParallelFor(
+      near.size(),
+      [&](size_t i) {
+        coarse[i] = coarse_features_.Get(near[i]->image_id, [&] { return coarse_->Get(near[i]->image->name); });
+      },
+      idle_threads);
+  Candidates chosen;
+  const std::vector<size_t> counts = CountCoarseMatches(features, coarse, idle_threads);
+  for (const size_t i : IndicesOfLargest(counts, num_retrieved)) chosen.push_back(near[i]);
+  return chosen;
+}
+
+PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Candidates& near,
+                                                      const Features& features, size_t num_retrieved,
+                                                      IdleThreads* idle_threads) const {
+  if (!near.empty()) return coarse_ ? ChooseMostAlike(near, features, num_retrieved, idle_threads) : near;
   if (!NeedsRetrieval(photo)) return AllowedCandidates(photo);
   std::map<uint32_t, const Candidate*> candidate_of_id;
   for (const Candidate& candidate : candidates_) candidate_of_id.emplace(candidate.image_id, &candidate);
   Candidates chosen;
-  for (const uint32_t image_id : index_->Query(features, idle_threads)) {
+  for (const uint32_t image_id : Index().Query(features, idle_threads)) {
     if (chosen.size() == num_retrieved) break;
     const auto candidate = candidate_of_id.find(image_id);
     if (candidate != candidate_of_id.end()) chosen.push_back(candidate->second);
@@ -305,8 +345,9 @@ DatabaseFeatures PhotoLoader::AddPairs(const Candidates& candidates, const Featu
   return database_features;
 }
 
-LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& attempt, const FeatureReader& features,
-                                      IdleThreads* idle_threads, QueryRecord* record) const {
+LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& attempt, const DatabaseCandidates& near,
+                                      const FeatureReader& features, IdleThreads* idle_threads,
+                                      QueryRecord* record) const {
   const FeatureMethod& method = *methods_.database;
   const PhotoFile file = ReadFile(photo, method, record);
   const PhotoProperties& properties = file.Properties();
@@ -334,7 +375,7 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& at
   DatabaseFeatures database_features;
   if (!problem.query_keypoints.empty()) {
     const Candidates candidates = Timed("retrieval", &record->seconds, [&] {
-      return ChooseCandidates(photo, query_features, static_cast<size_t>(attempt.num_retrieved), idle_threads);
+      return ChooseCandidates(photo, near, query_features, static_cast<size_t>(attempt.num_retrieved), idle_threads);
     });
     database_features = AddPairs(candidates, features, idle_threads, &problem, record);
     const bool needs_matches = !methods_.is_fallback_first || matches_output_;

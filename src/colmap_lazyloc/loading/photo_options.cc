@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/loading/photo_options.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "colmap_lazyloc/scene/options_check.h"
 
@@ -11,10 +12,15 @@ bool PhotoOptions::CheckImagePath(std::string* error) const {
     *error = "on_demand needs --image_path, the folder of the database images";
     return false;
   }
-  if (!image_path.empty() || (retrieval_index_path.empty() && matches_output_path.empty())) return true;
-  *error = std::string(retrieval_index_path.empty() ? "matches_output_path" : "retrieval_index_path") +
-           " needs --image_path, because it is for photos";
-  return false;
+  if (!image_path.empty()) return true;
+  for (const auto& [name, path] : {std::pair{"retrieval_index_path", &retrieval_index_path},
+                                   {"matches_output_path", &matches_output_path},
+                                   {"photo_position_path", &position_path}}) {
+    if (path->empty()) continue;
+    *error = std::string(name) + " needs --image_path, because it is for photos";
+    return false;
+  }
+  return true;
 }
 
 bool PhotoOptions::Check(std::string* error) const {

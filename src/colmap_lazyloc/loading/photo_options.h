@@ -14,8 +14,9 @@ struct PhotoOptions {
   std::string retrieval_index_path;
   std::string matches_output_path;
   FeatureOptions features;
-  bool on_demand = false;  // extract features of database images that the database does not have from their photos
-  double cache_gb = 1;     // memory for the features of database images
+  std::string position_path;  // rough positions of photos, which only choose database images; empty: none
+  bool on_demand = false;     // extract features of database images that the database does not have from their photos
+  double cache_gb = 1;        // memory for the features of database images
 
   size_t CacheBytes() const;
   bool Check(std::string* error) const;

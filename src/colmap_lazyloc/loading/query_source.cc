@@ -24,7 +24,7 @@ LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_quer
     for (const GroupInput::Image& image : frame.images) {
       QueryRecord record;
       try {
-        LocalizationProblem problem = load_query(image.query, &record);
+        LocalizationProblem problem = load_query(image, &record);
         problem.prior = image.prior;
         loaded.group.images.push_back({std::move(problem), frame_index, image.cam_from_rig});
         loaded.records.push_back(std::move(record));
@@ -48,6 +48,9 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, in
       pair_loader_(selection_),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
+      rough_positions_(
+          ReadQueryPriors({options.photos.position_path, "", ""},
+                          [this](const std::string& name) { return selection_.Photos().count(name) > 0; })),
       neighbours_(selection_) {
   if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
   if (!selection_.Photos().empty()) Photos();
@@ -55,8 +58,13 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, in
 
 const PhotoLoader& QuerySource::Photos() const {
   std::call_once(photo_loader_is_made_, [this] {
-    photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options_.photos, seed_, num_threads_,
-                                                  options_.selection.has_more_queries);
+    photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options_.photos, seed_, num_threads_);
+    if (options_.selection.has_more_queries) photo_loader_->PrepareRetrieval({});
+    for (const auto& [name, photo] : selection_.Photos()) {
+      const auto prior = priors_.find(name);
+      const auto position = RoughPosition(name, prior == priors_.end() ? QueryPrior() : prior->second);
+      if (photo_loader_->FindNear(photo, position).empty()) photo_loader_->PrepareRetrieval(photo);
+    }
   });
   return *photo_loader_;
 }
@@ -97,8 +105,24 @@ GroupInput QuerySource::WithPriors(GroupInput input) const {
   return input;
 }
 
-LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, const Attempt& attempt, Session* session,
+std::optional<PositionPrior> QuerySource::RoughPosition(const std::string& photo_name, const QueryPrior& prior) const {
+  const auto rough = rough_positions_.find(photo_name);
+  return rough == rough_positions_.end() ? prior.position : rough->second.position;
+}
+
+bool QuerySource::HasNearImages(const GroupInput& input) const {
+  for (const GroupInput::Frame& frame : WithPriors(input).frames) {
+    for (const GroupInput::Image& image : frame.images) {
+      const PhotoQuery* photo = FindPhoto(image.query);
+      if (photo != nullptr && !Photos().FindNear(*photo, RoughPosition(photo->name, image.prior)).empty()) return true;
+    }
+  }
+  return false;
+}
+
+LocalizationProblem QuerySource::LoadQuery(const GroupInput::Image& image, const Attempt& attempt, Session* session,
                                            QueryRecord* record) const {
+  const QueryInput& query = image.query;
   if (const auto* problem = std::get_if<LocalizationProblem>(&query)) return *problem;
   LocalizationProblem problem;
   try {
@@ -107,7 +131,9 @@ LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, const Attemp
       if (!photo->damage.empty()) throw DamagedRecordError(database_.Path().string(), photo->damage);
       const PhotoLoader& photos = Photos();
       if (!session->features) session->features = std::make_unique<FeatureReader>(database_.Path());
-      problem = photos.Load(*photo, attempt, *session->features, session->idle_threads, record);
+      DatabaseCandidates near;
+      if (attempt.only_near) near = photos.FindNear(*photo, RoughPosition(photo->name, image.prior));
+      problem = photos.Load(*photo, attempt, near, *session->features, session->idle_threads, record);
     } else {
       record->result.query_name = std::get<std::string>(query);
       const StageTimer timer("load", &record->seconds);
@@ -163,8 +189,8 @@ LoadedGroup QuerySource::Load(const GroupInput& input, const Attempt& attempt, c
   if (attempt.uses_fallback_features) {
     loaded = LoadFallback(input, *first, session);
   } else {
-    loaded = LoadEach(WithPriors(input), [&](const QueryInput& query, QueryRecord* record) {
-      return LoadQuery(query, attempt, session, record);
+    loaded = LoadEach(WithPriors(input), [&](const GroupInput::Image& image, QueryRecord* record) {
+      return LoadQuery(image, attempt, session, record);
     });
     pair_loader_.LoadQueryPairs(session->database, &loaded);
   }
@@ -222,8 +248,9 @@ void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loade
 
 std::vector<std::string> QuerySource::Warnings() const {
   std::vector<std::string> warnings = selection_.Warnings();
-  if (photo_loader_)
-    warnings.insert(warnings.end(), photo_loader_->Warnings().begin(), photo_loader_->Warnings().end());
+  if (photo_loader_) {
+    for (std::string& warning : photo_loader_->Warnings()) warnings.push_back(std::move(warning));
+  }
   return warnings;
 }
 

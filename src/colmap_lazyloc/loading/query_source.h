@@ -57,7 +57,7 @@ struct GroupInput {
 };
 
 // Returns the problem of a query, and adds to its record. Throws Refusal if the query cannot be used.
-using LoadQueryFunction = std::function<LocalizationProblem(const QueryInput&, QueryRecord*)>;
+using LoadQueryFunction = std::function<LocalizationProblem(const GroupInput::Image&, QueryRecord*)>;
 // Loads the queries of a group, but no pairs among them.
 LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query);
 
@@ -93,6 +93,8 @@ class QuerySource {
   GroupInput Group(size_t group) const;
   // Returns the first attempt at any group.
   Attempt FirstAttempt() const;
+  // True if the position of a photo in the group says which database images are near it (Attempt::only_near).
+  bool HasNearImages(const GroupInput& input) const;
   // True if comparing all features may find more matches of a photo than the first attempt, which has loaded `first`.
   bool HasFurtherFeatures(const LoadedGroup& first) const;
   // True if a group can be loaded with fallback features: all of its queries are photos.
@@ -119,8 +121,10 @@ class QuerySource {
   const PhotoLoader& Photos() const;
   // Gives named queries the priors in files that they lack.
   GroupInput WithPriors(GroupInput input) const;
-  LocalizationProblem LoadQuery(const QueryInput& query, const Attempt& attempt, Session* session,
+  LocalizationProblem LoadQuery(const GroupInput::Image& image, const Attempt& attempt, Session* session,
                                 QueryRecord* record) const;
+  // Returns where a photo was taken, as far as it is known before it is localized.
+  std::optional<PositionPrior> RoughPosition(const std::string& photo_name, const QueryPrior& prior) const;
   // Returns a group that was loaded with what fallback features see.
   LoadedGroup LoadFallback(const GroupInput& input, const LoadedGroup& first, Session* session) const;
   // Returns null if the query is not a photo.
@@ -132,8 +136,9 @@ class QuerySource {
   DatabaseReader database_;
   QuerySelection selection_;
   PairLoader pair_loader_;
-  std::map<std::string, QueryPrior> priors_;  // by query; those in files
-  std::optional<DepthMaps> depth_maps_;       // nullopt without a folder of maps
+  std::map<std::string, QueryPrior> priors_;           // by query; those in files
+  std::map<std::string, QueryPrior> rough_positions_;  // by photo; those that only choose database images
+  std::optional<DepthMaps> depth_maps_;                // nullopt without a folder of maps
   DatabaseNeighbours neighbours_;
   mutable std::once_flag photo_loader_is_made_;
   mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo

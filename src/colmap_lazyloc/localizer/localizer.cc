@@ -100,31 +100,37 @@ Localizer::Localizer(const SourceOptions& source, const LocalizerOptions& option
 LoadedGroup Localizer::Load(const GroupInput& input, const Attempt& attempt, const LoadedGroup* first,
                             QuerySource::Session* session) const {
   if (source_) return source_->Load(input, attempt, first, session);
-  return LoadEach(input, [](const QueryInput& query, QueryRecord*) {
-    if (const auto* problem = std::get_if<LocalizationProblem>(&query)) return *problem;
+  return LoadEach(input, [](const GroupInput::Image& image, QueryRecord*) {
+    if (const auto* problem = std::get_if<LocalizationProblem>(&image.query)) return *problem;
     throw InputError("only queries with matches of their own can do without a database");
   });
 }
 
-Attempt Localizer::FirstAttempt(const GroupInput& input) const {
+std::vector<Attempt> Localizer::FirstAttempts(const GroupInput& input) const {
   Attempt attempt = source_ ? source_->FirstAttempt() : Attempt();
   if (IsSingle(input)) attempt.shared_cameras = &shared_cameras_;
-  return attempt;
+  if (!source_ || !source_->HasNearImages(input)) return {attempt};
+  Attempt near = attempt;
+  near.only_near = true;
+  return {near, attempt};
 }
 
 std::optional<CalibrationQuery> Localizer::EstimateCamera(const GroupInput& input) const {
   BorrowedSession session(*this);
-  Attempt attempt = FirstAttempt(input);
-  attempt.only_unknown_cameras = true;
-  attempt.writes_matches = false;
-  LoadedGroup loaded = Load(input, attempt, nullptr, session.Get());
-  if (loaded.group.images.empty()) return std::nullopt;
-  const ImageChoice image = SolveGroup(loaded.group, options_).front();
-  const Solution& solution = *image.choice->solution;
-  if (!solution.hypothesis.estimates_focal_length || RefusalOf(*image.choice, 0, options_)) return std::nullopt;
-  const IntrinsicsResult& intrinsics = solution.checked.results.front();
-  return CalibrationQuery{std::move(loaded.group), *solution.checked.cameras.front(), std::log(intrinsics.focal_factor),
-                          intrinsics.focal_factor_stddev / intrinsics.focal_factor};
+  for (Attempt attempt : FirstAttempts(input)) {
+    attempt.only_unknown_cameras = true;
+    attempt.writes_matches = false;
+    LoadedGroup loaded = Load(input, attempt, nullptr, session.Get());
+    if (loaded.group.images.empty()) return std::nullopt;
+    const ImageChoice image = SolveGroup(loaded.group, options_).front();
+    const Solution& solution = *image.choice->solution;
+    if (!solution.hypothesis.estimates_focal_length || RefusalOf(*image.choice, 0, options_)) continue;
+    const IntrinsicsResult& intrinsics = solution.checked.results.front();
+    return CalibrationQuery{std::move(loaded.group), *solution.checked.cameras.front(),
+                            std::log(intrinsics.focal_factor),
+                            intrinsics.focal_factor_stddev / intrinsics.focal_factor};
+  }
+  return std::nullopt;
 }
 
 SharedCameras Localizer::EstimateCameras(const std::vector<GroupInput>& queries) const {
@@ -141,30 +147,35 @@ SharedCameras Localizer::EstimateCameras(const std::vector<GroupInput>& queries)
 std::vector<QueryRecord> Localizer::Localize(const GroupInput& input, bool with_keypoints) const {
   const auto start = std::chrono::steady_clock::now();
   BorrowedSession session(*this);
-  Tried tried;
-  std::vector<std::unique_ptr<Tried>> later;  // whose groups the choices refer to
-  const Attempt first = FirstAttempt(input);
-  tried.loaded = Load(input, first, nullptr, session.Get());
-  tried.choices = SolveGroup(tried.loaded.group, options_);
-  const std::vector<Attempt> attempts =
-      source_ ? FurtherAttempts(*source_, input, first, tried.loaded) : std::vector<Attempt>();
-  for (const Attempt& attempt : attempts) {
-    if (AreAllLocalized(tried.choices, options_)) break;
-    Tried& next = *later.emplace_back(std::make_unique<Tried>());
-    next.loaded = Load(input, attempt, &tried.loaded, session.Get());
-    next.choices = SolveGroup(next.loaded.group, options_);
-    KeepBetter(&next, &tried, options_);
+  std::vector<std::unique_ptr<Tried>> all;  // whose groups the choices refer to
+  const auto solve = [&](const Attempt& attempt, const LoadedGroup* first) {
+    Tried* next = all.emplace_back(std::make_unique<Tried>()).get();
+    next->loaded = Load(input, attempt, first, session.Get());
+    next->choices = SolveGroup(next->loaded.group, options_);
+    return next;
+  };
+  Tried* near = nullptr;
+  Tried* tried = nullptr;
+  for (const Attempt& first : FirstAttempts(input)) {
+    near = std::exchange(tried, solve(first, nullptr));
+    if (AreAllLocalized(tried->choices, options_)) break;
+    if (first.only_near || !source_) continue;
+    for (const Attempt& attempt : FurtherAttempts(*source_, input, first, tried->loaded)) {
+      KeepBetter(solve(attempt, &tried->loaded), tried, options_);
+      if (AreAllLocalized(tried->choices, options_)) break;
+    }
   }
+  if (near != nullptr) KeepBetter(near, tried, options_);
   std::vector<QueryRecord> records;
-  for (RefusedQuery& refused : tried.loaded.refused) {
+  for (RefusedQuery& refused : tried->loaded.refused) {
     AddRefusal(refused.refusal, &refused.record);
     records.push_back(std::move(refused.record));
   }
-  std::vector<LocalizationResult> results = MakeResults(tried.choices, options_);
+  std::vector<LocalizationResult> results = MakeResults(tried->choices, options_);
   for (size_t i = 0; i < results.size(); ++i) {
-    QueryRecord& record = tried.loaded.records[i];
+    QueryRecord& record = tried->loaded.records[i];
     AddResult(std::move(results[i]), &record);
-    std::vector<Eigen::Vector2d>& keypoints = tried.loaded.group.images[i].problem.query_keypoints;
+    std::vector<Eigen::Vector2d>& keypoints = tried->loaded.group.images[i].problem.query_keypoints;
     if (with_keypoints && record.keypoints.empty()) record.keypoints = std::move(keypoints);
     records.push_back(std::move(record));
   }

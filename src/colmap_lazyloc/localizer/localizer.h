@@ -44,7 +44,9 @@ class Localizer {
 
   LoadedGroup Load(const GroupInput& input, const Attempt& attempt, const LoadedGroup* first,
                    QuerySource::Session* session) const;
-  Attempt FirstAttempt(const GroupInput& input) const;
+  // Returns what the queries of a group are tried with first: if a photo has a position, with database images near it,
+  // and if that does not localize all, with the best of all database images.
+  std::vector<Attempt> FirstAttempts(const GroupInput& input) const;
   // Returns nullopt if the query is not localized with estimated intrinsics.
   std::optional<CalibrationQuery> EstimateCamera(const GroupInput& input) const;
 

@@ -112,6 +112,10 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "If the database lacks the SIFT features of a database image, extract them from its file below --image_path "
       "when a photo needs them. Similar images are then found by coarse features of these files. Features are kept "
       "beside the index");
+  add("LazyLocalizer.Advanced.photo_position_path", &o.photos.position_path,
+      "Rough positions of photos, as for --query_position_path, that only choose the database images with which a photo "
+      "is compared first. Positions of --query_position_path do this, too",
+      OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
   add("LazyLocalizer.Advanced.cache_gb", &o.photos.cache_gb,
