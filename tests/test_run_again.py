@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import itertools
 import json
 import os
 import pathlib
@@ -22,6 +23,7 @@ from colmap_lazyloc.demo.renderer import RayGrid
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.program import find_option
 from colmap_lazyloc.project import steps
+from colmap_lazyloc.project.folder import RECORD
 from colmap_lazyloc.report import __main__ as report
 
 CAMERA = photo_scene.CAMERA
@@ -327,6 +329,23 @@ def kill(slow_colmap):
 def test_killed_run_given_again(is_reached, words, work, run, fresh, kill, tmp_path):
     kill(work, tmp_path / "output", words, is_reached)
     assert_same(run(work, tmp_path / "output", words), result(fresh(work, words)))
+
+
+def count_done(output):
+    """Returns how far a run is: two for each finished step, and one for each that has begun."""
+    record = output / RECORD
+    keys = json.loads(record.read_text()) if record.exists() else {}
+    return sum(1 if key.endswith("begun") else 2 for key in keys.values())
+
+
+def test_run_interrupted_at_ten_points(work, run, fresh, kill, tmp_path):
+    output, how = tmp_path / "output", itertools.cycle((signal.SIGKILL, signal.SIGINT))
+    points = [lambda output, count=count: count_done(output) >= count for count in range(1, 9)]
+    points += [is_localizing, lambda output: (output / "localized" / "results.jsonl").exists()]
+    for is_reached in points:
+        kill(work, output, (), is_reached, next(how))
+    assert count_done(output) == 8
+    assert_same(run(work, output), result(fresh(work)))
 
 
 def test_killed_run_leaves_nothing_to_another(work, run, fresh, kill, tmp_path):
