@@ -9,17 +9,34 @@
 
 namespace lazyloc {
 
-// The solution that explains the images best, and what the others say of it.
+// The solution that explains the images best, and what is known of it after it was compared with the others.
 struct Choice {
+  Choice() = default;
+  explicit Choice(const Solution& solved);  // as it was solved
+
   const Solution* solution = nullptr;
-  std::vector<IntrinsicsResult> intrinsics;  // by query: after all solutions were compared
+  std::optional<Failure> failure;            // nullopt if there are poses
+  std::vector<QueryPriorResult> priors;      // by query
+  std::vector<IntrinsicsResult> intrinsics;  // by query
   // Extra variance of the log focal length to add to the reported covariance; none if negative.
   double extra_log_focal_variance = 0;
-  const Solution* runner_up = nullptr;  // the most credible of the other solutions with poses; null without any
+  // False if the other orientation that a plane leaves beside a single database image is not excluded; nullopt if there
+  // is nothing to compare.
+  std::optional<bool> has_one_orientation;
+  const Solution* runner_up = nullptr;  // the other one with poses, if the focal length was given and estimated
 };
 
-// Chooses among the solutions of a group, which are in the order of NextHypothesis. There is at least one.
-Choice Choose(const std::vector<Solution>& solutions, const LocalizerOptions& options);
+// The choices among the solutions of a group so far.
+struct Choices {
+  // Adds a solution, in the order of NextHypothesis, which must outlive this.
+  void Add(const Solution& next);
+
+  std::optional<Choice> given, estimated;  // with given intrinsics, with an estimated focal length
+  const Solution* last = nullptr;
+};
+
+// Chooses between given intrinsics and an estimated focal length. There is at least one solution.
+Choice Choose(const Choices& choices, const LocalizerOptions& options);
 
 // What is chosen for one image of a group.
 struct ImageChoice {
@@ -38,10 +55,13 @@ std::optional<Refusal> RefusalOf(const Choice& choice, int query, const Localize
 // Returns the frames without a pose, or with contradicted intrinsics. All frames if the failure is the whole group's.
 std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions& options);
 
-// Returns true if a single query has no pose by the solution, or one that is less credible than the options ask for.
-bool IsRefused(const Solution& solution, const LocalizerOptions& options);
+// Returns true if the position is unobservable after adjustment over tracks.
+bool IsPositionOpen(const Choice& choice);
+
+// Returns true if a single query has no pose, or one that is less credible than the options ask for.
+bool IsRefused(const Choice& choice, const LocalizerOptions& options);
 
 // Returns true if the images show too little that a given focal length is right, so that it is estimated, too.
-bool IsFocalLengthUncertain(const Solution& given, const LocalizerOptions& options);
+bool IsFocalLengthUncertain(const Choice& given, const LocalizerOptions& options);
 
 }  // namespace lazyloc

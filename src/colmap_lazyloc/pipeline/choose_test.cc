@@ -28,17 +28,21 @@ class ChooseTest : public testing::Test {
   }
   // Adds a solution with an estimated focal length.
   Solution& AddEstimate(IntrinsicsOrigin origin, double factor) {
-    Solution& estimate = Add(kEstimated);
+    Solution& estimate = Add(estimated_);
     estimate.checked.results[0] = {origin, IntrinsicsVerdict::REFINED, factor, 0.001, ""};
     return estimate;
   }
 
-  Choice Chosen() const { return Choose(solutions_, options_); }
+  Choice Chosen() const {
+    Choices choices;
+    for (const Solution& solution : solutions_) choices.Add(solution);
+    return Choose(choices, options_);
+  }
   // Returns the index of the solution that is chosen.
   int Index() const { return static_cast<int>(Chosen().solution - solutions_.data()); }
   IntrinsicsResult Intrinsics() const { return Chosen().intrinsics.front(); }
 
-  const Hypothesis kEstimated{true};
+  const Hypothesis estimated_{true};
   const MadeUpQuery query_;
   LocalizerOptions options_;
   std::vector<Solution> solutions_;
@@ -50,6 +54,49 @@ TEST_F(ChooseTest, WhatIsTriedForAnOpenPositionReplacesIt) {
   EXPECT_EQ(Index(), 1);
   Add({false, "a.jpg"}).failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
   EXPECT_EQ(Index(), 2) << "its failure says more";
+}
+
+// What comes of the two orientations is tested in plane_orientation_test.cc.
+TEST_F(ChooseTest, OrientationWhoseOtherOneFailsIsTheOnlyOneIfMostMatchesHaveTracks) {
+  Solution& first = AddGiven();
+  const auto choice = [&](size_t num_matches) {
+    auto input = std::make_shared<StartInput>();
+    input->tracks.rest.resize(num_matches);
+    first.input = input;
+    return Chosen();
+  };
+  first.refined.emplace();
+  Track track;
+  track.observations.emplace_back().image = 0;  // of the query
+  first.refined->adjustment.tracks.assign(20, track);
+  Add({false, "", Approach::OTHER_ORIENTATION}).failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  EXPECT_EQ(choice(39).solution, &first);
+  EXPECT_EQ(choice(39).has_one_orientation, true);
+  EXPECT_EQ(choice(40).has_one_orientation, std::nullopt);
+}
+
+TEST_F(ChooseTest, PositionByAPriorThatIsNotReconciledLeavesTheFailureOfTheImages) {
+  AddGiven().failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, "one image"};
+  Solution& by_prior = Add({false, "", Approach::POSITION_PRIOR});
+  by_prior.priors[0].position = PriorResult{PriorVerdict::USED, PriorRole::DISTANCE, 1, 1};
+  Track track;
+  track.observations.emplace_back().image = 0;
+  track.point_in_world = {0, 0, 100};
+  by_prior.refined.emplace();
+  by_prior.refined->adjustment.posed = by_prior.prepared->layout.given;
+  by_prior.refined->adjustment.tracks = {track};
+  EXPECT_EQ(Index(), 1) << "there is no prior";
+  const PositionPrior far_away{{1000, 0, 0}, Eigen::Matrix3d::Identity()};
+  by_prior.refined->adjustment.posed.query_priors = {{0, {far_away, std::nullopt}}};
+  EXPECT_EQ(Index(), 0);
+  EXPECT_EQ(Chosen().failure->reason, "one image");
+  EXPECT_EQ(Chosen().priors[0].position->verdict, PriorVerdict::CONTRADICTED);
+  by_prior.refined.reset();
+  by_prior.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  by_prior.priors[0].position = PriorResult{};
+  EXPECT_EQ(Index(), 0);
+  EXPECT_EQ(Chosen().failure->reason, "one image");
+  EXPECT_EQ(Chosen().priors[0].position->verdict, PriorVerdict::NOT_TESTED);
 }
 
 TEST_F(ChooseTest, GuessOfAFocalLengthIsTakenOnlyWithAPose) {
@@ -134,36 +181,33 @@ TEST_F(ChooseTest, EstimateThatIsFarLessCredibleIsNoEvidence) {
   EXPECT_EQ(Index(), 1) << "the given one has no pose";
 }
 
-TEST_F(ChooseTest, RunnerUpIsTheMostCredibleOfTheOthersWithPoses) {
+TEST_F(ChooseTest, RunnerUpIsTheOtherOneWithAPose) {
   AddGiven(IntrinsicsOrigin::SHARED);
   EXPECT_EQ(Chosen().runner_up, nullptr);
   Solution& estimate = AddEstimate(IntrinsicsOrigin::SHARED, 1.0005);
   EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
-  estimate.evidence[0].num_common_tracks = 50;
-  AddEstimate(IntrinsicsOrigin::SHARED, 1.0005);
-  EXPECT_EQ(Chosen().runner_up, &solutions_[2]);
-  solutions_[2].failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
-  solutions_[2].evidence.clear();
-  EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
+  estimate.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  estimate.evidence.clear();
+  EXPECT_EQ(Chosen().runner_up, nullptr);
 }
 
 TEST_F(ChooseTest, DoubtInAFocalLength) {
   Solution& given = AddGiven();
   IntrinsicsResult& intrinsics = given.checked.results[0];
   intrinsics.focal_factor_stddev = 0.001;
-  EXPECT_FALSE(IsFocalLengthUncertain(given, options_));
+  EXPECT_FALSE(IsFocalLengthUncertain(Choice(given), options_));
   intrinsics.focal_factor_stddev = 0.02;
-  EXPECT_TRUE(IsFocalLengthUncertain(given, options_)) << "its score tells nothing";
+  EXPECT_TRUE(IsFocalLengthUncertain(Choice(given), options_)) << "its score tells nothing";
   intrinsics.focal_factor_stddev = 0.001;
   intrinsics.focal_factor = 1.02;
-  EXPECT_TRUE(IsFocalLengthUncertain(given, options_)) << "its score speaks against it";
+  EXPECT_TRUE(IsFocalLengthUncertain(Choice(given), options_)) << "its score speaks against it";
   intrinsics.focal_factor = 1;
   intrinsics.verdict = IntrinsicsVerdict::CONTRADICTED;
-  EXPECT_TRUE(IsFocalLengthUncertain(given, options_)) << "something else is contradicted";
+  EXPECT_TRUE(IsFocalLengthUncertain(Choice(given), options_)) << "something else is contradicted";
   given.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
-  EXPECT_FALSE(IsFocalLengthUncertain(given, options_)) << "somebody has stated it";
+  EXPECT_FALSE(IsFocalLengthUncertain(Choice(given), options_)) << "somebody has stated it";
   intrinsics.origin = IntrinsicsOrigin::SHARED;
-  EXPECT_TRUE(IsFocalLengthUncertain(given, options_));
+  EXPECT_TRUE(IsFocalLengthUncertain(Choice(given), options_));
 }
 
 TEST(Better, LaterAttemptIsTakenPerImageAndOnlyIfItAloneLocalizesTheImage) {
@@ -172,14 +216,14 @@ TEST(Better, LaterAttemptIsTakenPerImageAndOnlyIfItAloneLocalizesTheImage) {
   synthetic.num_sensors = 1;
   const MadeUpQuery group(MakeSyntheticGroup(synthetic).group);
   // The first attempt localizes images 0 to 2, the later one 1 to 4.
-  const auto attempt = [&](std::vector<int> unlikely) {
+  const auto attempt = [&](const std::vector<int>& unlikely) {
     auto solution = std::make_shared<Solution>(group.Solved({}));
     for (const int frame : unlikely) solution->evidence[frame] = MadeUpQuery::Unlikely();
     return solution;
   };
   const auto earlier = attempt({3, 4}), later = attempt({0});
   const auto choice = [](const Solution& solution, int query, double seconds) {
-    return ImageChoice{std::make_shared<Choice>(Choice{&solution, solution.checked.results}), query, {{"a", seconds}}};
+    return ImageChoice{std::make_shared<Choice>(solution), query, {{"a", seconds}}};
   };
   std::vector<bool> is_later;
   for (int query = 0; query < 5; ++query) {
@@ -202,7 +246,7 @@ TEST(FramesWithoutPose, AreThoseThatFailOrContradictTheirIntrinsics) {
   const auto frames = [&](IntrinsicsMode mode) {
     LocalizerOptions options;
     options.intrinsics = mode;
-    return FramesWithoutPose(Choose({solution}, options), options);
+    return FramesWithoutPose(Choice(solution), options);
   };
   EXPECT_THAT(frames(IntrinsicsMode::AUTO), IsEmpty());
   solution.checked.results[3].verdict = IntrinsicsVerdict::CONTRADICTED;  // of the second frame

@@ -32,7 +32,7 @@ LocalizationResult MakeEmptyResult(const Choice& choice, int query) {
   result.frame_name = prepared.group.frame_names[image.frame];
   result.rig_scale = image.rig_scale;
   result.intrinsics = choice.intrinsics[query];
-  result.priors = solution.priors[query];
+  result.priors = choice.priors[query];
   if (!solution.depths.empty()) result.depth = solution.depths[query];
   if (!solution.starts.empty()) result.start = EnumName(solution.starts[image.frame]);
   // Rotations alone are not adjusted to database poses.
@@ -209,11 +209,11 @@ Results MakeResults(const Choice& choice, const LocalizerOptions& options) {
   Results results;
   for (int query = 0; query < static_cast<int>(solution.prepared->group.images.size()); ++query) {
     results.push_back(MakeEmptyResult(choice, query));
-    if (!solution.failure) AddPose(choice, query, &results.back());
+    if (!choice.failure) AddPose(choice, query, &results.back());
     Conclude(choice, query, options, &results.back());
   }
-  if (solution.failure) {
-    const Failure& failure = *solution.failure;
+  if (choice.failure) {
+    const Failure& failure = *choice.failure;
     for (size_t query = 0; query < failure.rig_errors_px.size(); ++query) {
       results[query].rig_error_px = failure.rig_errors_px[query];
     }

@@ -34,7 +34,7 @@ struct SolvedGroup {
   }
 
   std::vector<LocalizationResult> Results(const LocalizerOptions& options = {}) const {
-    return MakeResults(Choice{&solution, solution.checked.results}, options);
+    return MakeResults(Choice(solution), options);
   }
 
   SyntheticGroup scene;
@@ -130,7 +130,8 @@ TEST(MakeResults, CovarianceAllowsForWhatAnEstimateOfTheFocalLengthAdds) {
   PoseDistribution& pose = group.solution.checked.poses[0];
   pose.of_images.setIdentity();
   pose.by_log_focal[0] = 3;
-  const Choice choice{&group.solution, group.solution.checked.results, 0.25};
+  Choice choice(group.solution);
+  choice.extra_log_focal_variance = 0.25;
   const LocalizationResult result = MakeResults(choice, {}).front();
   EXPECT_NEAR(result.covariance(0, 0), 1 + 0.25 * 9, 1e-12);
   EXPECT_NEAR(result.covariance(1, 1), 1, 1e-12);
@@ -147,7 +148,8 @@ TEST(MakeResults, RunnerUpIsTheMoreProbableOfCompetingPoseAndOtherSolution) {
   Solution other = group.solution;
   other.hypothesis.estimates_focal_length = true;
   other.evidence[0].num_common_tracks = 5;
-  const Choice choice{&group.solution, group.solution.checked.results, 0, &other};
+  Choice choice(group.solution);
+  choice.runner_up = &other;
   LocalizationResult result = MakeResults(choice, {}).front();
   ASSERT_TRUE(result.runner_up);
   const double confidence = Confidence(other.evidence[0]);
@@ -287,7 +289,7 @@ TEST(MakeResults, UncertaintiesAndCameraAreThoseOfTheQuery) {
 
 // Returns the choice of a solution for one of its images.
 ImageChoice ChoiceOf(const Solution& solution, int query, const StageTimer::Seconds& seconds = {}) {
-  return {std::make_shared<Choice>(Choice{&solution, solution.checked.results}), query, seconds};
+  return {std::make_shared<Choice>(solution), query, seconds};
 }
 
 TEST(MakeResults, EachImageHasTheSolutionThatIsChosenForIt) {

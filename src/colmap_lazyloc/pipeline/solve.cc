@@ -1,26 +1,36 @@
 #include "colmap_lazyloc/pipeline/solve.h"
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
-#include "colmap_lazyloc/depths/depth_maps_in_use.h"
 #include "colmap_lazyloc/initialization/competing_pose.h"
 #include "colmap_lazyloc/initialization/motion_averaging.h"
 #include "colmap_lazyloc/initialization/pure_rotation.h"
 #include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/paper/paper_method.h"
-#include "colmap_lazyloc/pipeline/refinement_with_priors.h"
+#include "colmap_lazyloc/pipeline/choose.h"
+#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/priors/plane_orientation.h"
 #include "colmap_lazyloc/priors/prior_comparison.h"
 #include "colmap_lazyloc/priors/prior_fusion.h"
 #include "colmap_lazyloc/priors/query_priors.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
 #include "colmap_lazyloc/scene/refs.h"
+#include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+// Factor on the minimum triangulation angle beside a single database image.
+constexpr double kSmallAngleRatio = 0.2;
+
+bool HavePriors(const Layout& layout) {
+  return std::any_of(layout.priors.begin(), layout.priors.end(),
+                     [](const QueryPrior& prior) { return prior.position || prior.gravity; });
+}
 
 // Returns a rotation with a prior of gravity that it does not contradict.
 RotationFit WithGravity(const GravityPrior& gravity, RotationFit fit) {
@@ -49,13 +59,54 @@ class Solver {
     averaged = Average();
     StartInput input = MakeStartInput();
     averaged.posed = std::move(input.posed);
-    const Start start = Timed(
-        "start", seconds_, [&] { return ChooseStart(layout_, averaged, input.tracks, options_, input.depth_starts); });
+    Start start = Timed("start", seconds_,
+                        [&] { return ChooseStart(layout_, averaged, input.tracks, options_, input.depth_starts); });
     solution_.starts = start.kinds;
-    RefinedWithPriors refined = RefineWithPriors(layout_, averaged.pairs, start.posed, input.tracks,
-                                                 std::move(input.candidates), options_, seconds_);
-    solution_.refined = std::move(refined.refined);
-    solution_.priors = std::move(refined.priors);
+    input.posed = std::move(start.posed);
+    const bool is_one_pair = layout_.num_queries == 1 && averaged.pairs.size() == 1;
+    if (is_one_pair || (layout_.num_queries == 1 && layout_.priors[0].position)) {
+      solution_.input = std::make_shared<StartInput>(std::move(input));
+      solution_.refined = RefineAgainFrom(solution_.input->posed);
+      if (is_one_pair) solution_.other_orientation = FindOtherOrientation();
+    } else {
+      solution_.refined = RefineFrom(input.posed, input.tracks, std::move(input.candidates));
+    }
+    UsePriors();
+    AddPoses();
+  }
+
+  // Adjusts from the other orientation of a query beside one database image.
+  void SolveFromOtherOrientation(const Solution& first) {
+    GoOnFrom(first);
+    PosedImages start = first.input->posed;
+    start.frames[0].frame_from_world = *first.other_orientation;
+    solution_.refined = RefineAgainFrom(start);
+    AddPoses();
+  }
+
+  // Adjusts from where a prior puts the position of a single query, with the priors. Without poses if the images
+  // contradict that.
+  void SolveFromPositionPrior(const Choice& by_images) {
+    GoOnFrom(*by_images.solution);
+    Refined refined = *by_images.solution->refined;
+    refined.has_one_orientation = by_images.has_one_orientation;
+    PriorJudgement judgement =
+        Timed("priors", seconds_, [&] { return JudgePriors(layout_, solution_.averaged.pairs, refined, options_); });
+    if (!judgement.start) {
+      solution_.priors = std::move(judgement.results);
+      throw Failure(*by_images.failure);
+    }
+    PosedImages start = layout_.given;
+    start.frames[0].frame_from_world = *judgement.start;
+    start.query_priors = std::move(judgement.used);
+    for (size_t i = 0; i < start.images.size(); ++i) {
+      start.images[i].depth_scale = solution_.input->posed.images[i].depth_scale;
+    }
+    refined = WithLimitedVarianceFactor(RefineAgainFrom(start));
+    refined.has_one_orientation = by_images.has_one_orientation;
+    refined.unobservable_line = judgement.unobservable_line;
+    solution_.refined = std::move(refined);
+    solution_.priors = std::move(judgement.results);
     AddPoses();
   }
 
@@ -74,16 +125,9 @@ class Solver {
       input.candidates = {camera.Observe(input.candidates.all), camera.Observe(input.candidates.for_start)};
     });
     solution_.starts = {StartPose::ABSOLUTE_POSE};
-    Refined refined =
+    solution_.refined =
         Refine(layout_, input.posed, input.tracks, std::move(input.candidates), options_, seconds_, camera);
-    if (HavePriors(layout_)) {
-      PriorJudgement judgement = JudgePriors(layout_, pairs, refined, options_);
-      if (!judgement.start) {
-        solution_.priors = std::move(judgement.results);
-        refined = AdjustWithPriors(judgement.used, options_, std::move(refined));
-      }
-    }
-    solution_.refined = std::move(refined);
+    UsePriors();
     AddPoses();
   }
 
@@ -143,6 +187,57 @@ class Solver {
     return TriangulateFromDatabase(layout_.given, candidates.for_start, options_.triangulation);
   }
 
+  // Takes over what the stages before adjustment have found.
+  void GoOnFrom(const Solution& first) {
+    solution_.averaged = first.averaged;
+    solution_.starts = first.starts;
+    solution_.depths = first.depths;
+    solution_.input = first.input;
+  }
+
+  Refined RefineAgainFrom(const PosedImages& start) {
+    return RefineFrom(start, solution_.input->tracks, solution_.input->candidates);
+  }
+
+  // Refines by the images alone. Beside a single database image, points of smaller angles are used, because it sees
+  // them no better.
+  Refined RefineFrom(const PosedImages& start, const SplitTracks& tracks, CandidateTracks candidates) {
+    const PairRefs& pairs = solution_.averaged.pairs;
+    const bool is_beside_one_image = std::all_of(pairs.begin(), pairs.end(), [&](const PairGeometry* pair) {
+      return layout_.IsDatabase(pair->other) && pair->other == pairs.front()->other;
+    });
+    LocalizerOptions options = options_;
+    if (is_beside_one_image) options.triangulation.min_triangulation_angle_deg *= kSmallAngleRatio;
+    return Refine(layout_, start, tracks, std::move(candidates), options, seconds_);
+  }
+
+  // Returns the other orientation of a query beside one database image; nullopt if there is none, or if the images
+  // determine its position.
+  std::optional<Rigid3d> FindOtherOrientation() const {
+    const PairRefs& pairs = solution_.averaged.pairs;
+    const Refined& refined = *solution_.refined;
+    const BundleAdjustmentResult& adjustment = refined.adjustment;
+    const TrackRefs tracks = TracksByFrame(layout_, adjustment.tracks)[0];
+    if (static_cast<int>(tracks.size()) < kMinNumTracks) return std::nullopt;
+    if (!IsPositionUnobservable({layout_, pairs, adjustment, 0, tracks, refined.variance_factor}, options_)) {
+      return std::nullopt;
+    }
+    return OtherOrientation(CamFromWorld(adjustment.posed, 0), CamFromWorld(adjustment.posed, pairs.front()->other),
+                            tracks);
+  }
+
+  // Compares the priors with the refined poses, and adjusts with those that are not contradicted. Those that fix a
+  // position that the images do not determine are left to another hypothesis.
+  void UsePriors() {
+    if (!HavePriors(layout_)) return;
+    Timed("priors", seconds_, [&] {
+      PriorJudgement judgement = JudgePriors(layout_, solution_.averaged.pairs, *solution_.refined, options_);
+      if (judgement.start) return;
+      solution_.priors = std::move(judgement.results);
+      solution_.refined = AdjustWithPriors(judgement.used, options_, *std::move(solution_.refined));
+    });
+  }
+
   // Adds the refined poses with their uncertainties, intrinsics and evidence.
   void AddPoses() {
     const Refined& refined = *solution_.refined;
@@ -199,8 +294,8 @@ class Solver {
 
 }  // namespace
 
-Solution Solve(const Prepared& prepared, const Hypothesis& hypothesis, const LocalizerOptions& options,
-               StageTimer::Seconds* seconds) {
+Solution Solve(const Prepared& prepared, const Hypothesis& hypothesis, const Choice* given,
+               const LocalizerOptions& options, StageTimer::Seconds* seconds) {
   Solution solution;
   solution.hypothesis = hypothesis;
   solution.prepared = &prepared;
@@ -213,6 +308,10 @@ Solution Solve(const Prepared& prepared, const Hypothesis& hypothesis, const Loc
     Solver solver(prepared, options, seconds, &solution);
     if (hypothesis.estimates_focal_length) {
       solver.SolveWithUnknownFocalLength();
+    } else if (hypothesis.approach == Approach::OTHER_ORIENTATION) {
+      solver.SolveFromOtherOrientation(*given->solution);
+    } else if (hypothesis.approach == Approach::POSITION_PRIOR) {
+      solver.SolveFromPositionPrior(*given);
     } else if (hypothesis.approach == Approach::ROTATION) {
       solver.SolveByRotation();
     } else if (hypothesis.approach == Approach::PAPER) {

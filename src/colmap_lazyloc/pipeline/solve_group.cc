@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/pipeline/solve_group.h"
 
 #include <algorithm>
+#include <list>
 #include <memory>
 #include <numeric>
 #include <optional>
@@ -29,7 +30,7 @@ struct Together {
   const QueryGroup own_group;
   const QueryGroup& group;
   Preparations preparations{group};
-  std::vector<Solution> solutions;
+  std::list<Solution> solutions;
   Choice choice;
 };
 
@@ -108,12 +109,13 @@ class GroupSolver {
     if (!are_whole_group) own = are_all ? group : SelectImages(group, images);
     const auto together = std::make_shared<Together>(are_whole_group ? &group_ : nullptr, std::move(own));
     StageTimer::Seconds seconds;
-    while (const std::optional<Hypothesis> hypothesis =
-               NextHypothesis(together->group, together->solutions, options_)) {
+    Choices choices;
+    while (const std::optional<Hypothesis> hypothesis = NextHypothesis(together->group, choices, options_)) {
       const Prepared& prepared = together->preparations.For(*hypothesis, options_, &known_, &seconds);
-      together->solutions.push_back(lazyloc::Solve(prepared, *hypothesis, options_, &seconds));
+      const Choice* given = choices.given ? &*choices.given : nullptr;
+      choices.Add(together->solutions.emplace_back(lazyloc::Solve(prepared, *hypothesis, given, options_, &seconds)));
     }
-    together->choice = Choose(together->solutions, options_);
+    together->choice = Choose(choices, options_);
     for (size_t query = 0; query < images.size(); ++query) {
       ImageChoice& chosen = chosen_[of_all[images[query]]];
       chosen.choice = std::shared_ptr<const Choice>(together, &together->choice);

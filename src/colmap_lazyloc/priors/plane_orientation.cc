@@ -25,8 +25,6 @@ constexpr double kMinNoisePx = 0.3;
 // Variance of the sum of squared errors over that of independent ones, because keypoints that are near each other err
 // alike: with the noisy points of a plane, the sums of both orientations differ by up to 50.
 constexpr double kSharedErrorFactor = 10;
-// Minimum difference of the squared errors, in standard deviations, that excludes a pose: odds of 100 to 1.
-constexpr double kMinDifference = 9.21;
 // Bearings that differ by less are the same however exact they are, in rad.
 constexpr double kMaxEqualRad = 0.01;
 
@@ -124,22 +122,17 @@ double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Tra
   return errors_px.empty() ? kMinNoisePx : std::max(StddevOfSizes(std::move(errors_px)), kMinNoisePx);
 }
 
-Refined ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches,
-                          Refined refined, Refined other) {
+std::optional<double> CompareOrientations(const Layout& layout, const PairRefs& pairs,
+                                          const std::vector<Track>& matches, const Refined& refined,
+                                          const Refined& other) {
   const Rigid3d pose = SettledPose(pairs, refined, matches), other_pose = SettledPose(pairs, other, matches);
   const OrientationFit fit = MeasureOrientation(layout, pairs, refined),
                        other_fit = MeasureOrientation(layout, pairs, other);
   const double angle_rad = AngleBetweenRad(CamInWorld(pose), CamInWorld(other_pose));
-  if (angle_rad <= std::max(kMaxErrorSigma * fit.bearing_stddev_rad, kMaxEqualRad)) {
-    refined.has_one_orientation = true;
-    return refined;
-  }
+  if (angle_rad <= std::max(kMaxErrorSigma * fit.bearing_stddev_rad, kMaxEqualRad)) return std::nullopt;
   const double noise_px = std::min(EpipolarNoisePx(pose, matches), EpipolarNoisePx(other_pose, matches));
   const double by_matches = SumSquaredErrors(other_pose, matches, noise_px) - SumSquaredErrors(pose, matches, noise_px);
-  const double difference = by_matches / kSharedErrorFactor + other_fit.prior_error - fit.prior_error;
-  if (difference < -kMinDifference) refined = std::move(other);
-  refined.has_one_orientation = std::abs(difference) > kMinDifference;
-  return refined;
+  return by_matches / kSharedErrorFactor + other_fit.prior_error - fit.prior_error;
 }
 
 }  // namespace lazyloc

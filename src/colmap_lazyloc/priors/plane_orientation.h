@@ -23,9 +23,10 @@ double SumSquaredErrors(const Rigid3d& query_from_database, const std::vector<Tr
 double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Track>& matches);
 
 // Compares the refined pose of a single query beside a single database image with `other`, the pose that was refined
-// from its other orientation, by the matches and the query's priors. Returns the other one if it fits far better, with
-// has_one_orientation.
-Refined ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches,
-                          Refined refined, Refined other);
+// from its other orientation, by the matches and the query's priors. Returns how much better the first one fits, in
+// squared standard deviations (negative: the other one fits better); nullopt if both are the same pose.
+std::optional<double> CompareOrientations(const Layout& layout, const PairRefs& pairs,
+                                          const std::vector<Track>& matches, const Refined& refined,
+                                          const Refined& other);
 
 }  // namespace lazyloc

@@ -169,9 +169,9 @@ Refined WithLimitedVarianceFactor(Refined refined) {
   return refined;
 }
 
-bool AreReconciled(const PriorJudgement& judgement, const Refined& refined) {
+bool AreReconciled(const Refined& refined) {
   const PosedImages& posed = refined.adjustment.posed;
-  return std::all_of(judgement.used.begin(), judgement.used.end(), [&](const ImagePrior& used) {
+  return std::all_of(posed.query_priors.begin(), posed.query_priors.end(), [&](const ImagePrior& used) {
     if (!used.prior.position) return true;
     const PositionPrior prior = Scaled(*used.prior.position, refined.variance_factor);
     const Rigid3d pose = CamFromWorld(posed, used.image);

@@ -31,8 +31,9 @@ Refined AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerO
 // Raises a variance factor so small that a prior beside the images would have no weight.
 Refined WithLimitedVarianceFactor(Refined refined);
 
-// Returns false if the priors that fix a position were not reconciled with the images: the adjusted position then
-// deviates from its prior as if contradicted, or all points have moved into the query's projection centre.
-bool AreReconciled(const PriorJudgement& judgement, const Refined& refined);
+// Returns false if an adjustment with priors that fix a position has not reconciled them with the images: the adjusted
+// position then deviates from its prior as if contradicted, or all points have moved into the query's projection
+// centre.
+bool AreReconciled(const Refined& refined);
 
 }  // namespace lazyloc

@@ -24,7 +24,7 @@ struct Refined {
   double variance_factor = 1;                         // of its images
   std::optional<QueryCamera> camera;                  // of a query whose focal length was estimated
   std::optional<UnobservableLine> unobservable_line;  // if a prior fixes the place on it
-  std::optional<bool> has_one_orientation;            // of a single query beside one database image (ChooseOrientation)
+  std::optional<bool> has_one_orientation;            // of a single query beside one database image (choose.cc)
   std::vector<MissingVariance> missing_variances;     // by the adjustment and the variance factor
   std::vector<std::optional<double>> rig_errors_px;   // by query (rig_check.h)
 };
