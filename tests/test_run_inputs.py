@@ -3,6 +3,7 @@
 import os
 import shutil
 import sqlite3
+import tracemalloc
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.pose_formats.posed_images import photo_size
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project import photos as photos_of_projects
-from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, fingerprint
+from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, content, fingerprint
 from colmap_lazyloc.project.photos import convert_photos, find_photos, has_one_camera, link_photos, safe_names
 from colmap_lazyloc.report import __main__ as report
 from colmap_lazyloc.results import read_results
@@ -26,6 +27,16 @@ from exif import write_jpeg, write_oriented
 CAMERA = photo_scene.CAMERA
 EXIF_MAKE = 271
 NOT_UTF8 = os.fsdecode(b"caf\xe9.png")
+
+
+def test_fingerprint_of_a_large_model_takes_little_memory(tmp_path):
+    with (tmp_path / "points3D.bin").open("wb") as file:
+        file.truncate(1 << 27)
+    tracemalloc.start()
+    content(tmp_path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1 << 23
 
 
 @pytest.fixture
