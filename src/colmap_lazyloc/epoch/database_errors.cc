@@ -1,8 +1,6 @@
 #include "colmap_lazyloc/epoch/database_errors.h"
 
-#include <algorithm>
 #include <limits>
-#include <utility>
 
 #include <Eigen/SparseCholesky>
 
@@ -155,14 +153,10 @@ void DatabaseErrors::Estimate(const JointScene& scene, const JointAdjustment& ad
   if (group.frames.empty() || group.frames.size() > kMaxNumDenseImages) return;
   BundleAdjustmentResult result;
   result.posed = PosedBy(scene);
-  PriorFit fit{Eigen::MatrixXd(group.frames.size(), 6),
-               InformationOnDeviations(adjustment.information, PlacesOf(group, layout_.num_queries, adjustment),
-                                       ComputePriorPrecision(group))};
-  for (size_t i = 0; i < group.frames.size(); ++i) {
-    const Frame& frame = result.posed.frames[group.frames[i]];
-    fit.deviations.row(static_cast<Eigen::Index>(i)) = EvaluatePosePrior(*frame.prior, frame.frame_from_world).error;
-  }
-  result.prior_fits.push_back(std::move(fit));
+  result.prior_fits.push_back(
+      {MeasureDeviations(result.posed, group),
+       InformationOnDeviations(adjustment.information, PlacesOf(group, layout_.num_queries, adjustment),
+                               ComputePriorPrecision(group))});
   priors_.Estimate(result, adjustment.variance_factor);
 }
 

@@ -43,7 +43,7 @@ std::vector<EpochPhoto> MakePhotos(std::vector<LocalizationResult> localized, co
     if (image != nullptr && CanBeAdjusted(database, *image)) {
       photo.database_id = image->image_id;
       photo.is_placed = result.status == QueryStatus::LOCALIZED;
-      photo.localized = result;
+      photo.localized = MakePoseDistribution(result.cam_from_world, result.covariance);
       photo.record.epoch = EpochResult();
     }
     photo.record.result = std::move(result);
@@ -80,10 +80,8 @@ void TakeAdjusted(const EpochScene& epoch, const AdjustedPhotos& adjusted, std::
 
 // Returns true if adjustment has moved a photo by more than its localization lets expect.
 bool IsContradicted(const EpochPhoto& photo) {
-  const LocalizationResult& localized = photo.localized;
-  const Eigen::Vector3d shift = CamInWorld(photo.Pose()) - CamInWorld(localized.cam_from_world);
-  const Eigen::Matrix3d covariance =
-      MakePoseDistribution(localized.cam_from_world, localized.covariance).PositionCovariance();
+  const Eigen::Vector3d shift = CamInWorld(photo.Pose()) - CamInWorld(photo.localized.cam_from_world);
+  const Eigen::Matrix3d covariance = photo.localized.PositionCovariance();
   return shift.dot(covariance.ldlt().solve(shift)) > 3 * kMaxShiftSigma * kMaxShiftSigma;
 }
 

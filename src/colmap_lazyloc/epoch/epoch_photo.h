@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/query_record.h"
 
 namespace lazyloc {
@@ -19,7 +20,7 @@ struct EpochCamera {
 struct EpochPhoto {
   QueryRecord record;                   // its pose is adjusted in place
   std::optional<uint32_t> database_id;  // nullopt if the database has no keypoints of it
-  LocalizationResult localized;         // before adjustment
+  PoseDistribution localized;           // before adjustment
   std::optional<QueryRecord> refused;   // what the database says of a photo that hangs on others
   int num_hangings = 0;                 // how often others have placed the photo
   int camera = -1;                      // index of an EpochCamera

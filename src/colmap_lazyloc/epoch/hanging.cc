@@ -103,7 +103,7 @@ int HangPhotos(const Model& model, const std::vector<EpochCamera>& cameras, cons
       EpochPhoto& photo = *rest.at(result.query_name);
       record.epoch = EpochResult();
       record.epoch->hangs_on_others = true;
-      photo.localized = result;
+      photo.localized = MakePoseDistribution(result.cam_from_world, result.covariance);
       photo.refused = std::exchange(photo.record, std::move(record));
       photo.is_placed = true;
       ++photo.num_hangings;

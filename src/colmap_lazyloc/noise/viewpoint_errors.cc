@@ -16,11 +16,8 @@ void MoveFrame(const PosedImages& adjusted, const PriorGroup& group, int query_f
   const PosePrior& unit = *adjusted.frames[group.frames.front()].prior;  // its standard deviations are common to all
   std::vector<Rigid3d> viewpoints;
   for (const int image : images) viewpoints.push_back(CamFromWorld(adjusted, image));
-  Eigen::MatrixXd deviations(group.frames.size(), 6), errors(images.size(), 6);
-  for (size_t i = 0; i < group.frames.size(); ++i) {
-    const Frame& frame = adjusted.frames[group.frames[i]];
-    deviations.row(static_cast<Eigen::Index>(i)) = EvaluatePosePrior(*frame.prior, frame.frame_from_world).error;
-  }
+  const Eigen::MatrixXd deviations = MeasureDeviations(adjusted, group);
+  Eigen::MatrixXd errors(images.size(), 6);
   const PredictedErrors predicted = PredictErrors(adjusted, group, frame_from_world, viewpoints);
   errors << predicted.by_rotation * deviations.leftCols<3>(), predicted.by_position * deviations.rightCols<3>();
   for (size_t i = 0; i < images.size(); ++i) {
@@ -34,6 +31,15 @@ void MoveFrame(const PosedImages& adjusted, const PriorGroup& group, int query_f
 }
 
 }  // namespace
+
+Eigen::MatrixXd MeasureDeviations(const PosedImages& adjusted, const PriorGroup& group) {
+  Eigen::MatrixXd deviations(group.frames.size(), 6);
+  for (size_t i = 0; i < group.frames.size(); ++i) {
+    const Frame& frame = adjusted.frames[group.frames[i]];
+    deviations.row(static_cast<Eigen::Index>(i)) = EvaluatePosePrior(*frame.prior, frame.frame_from_world).error;
+  }
+  return deviations;
+}
 
 PredictedErrors PredictErrors(const PosedImages& adjusted, const PriorGroup& group, const Rigid3d& first,
                               const std::vector<Rigid3d>& viewpoints) {

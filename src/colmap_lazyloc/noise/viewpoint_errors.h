@@ -8,6 +8,9 @@
 
 namespace lazyloc {
 
+// Returns the deviations of a group's frames from their priors, in the priors' standard deviations: one frame per row.
+Eigen::MatrixXd MeasureDeviations(const PosedImages& adjusted, const PriorGroup& group);
+
 // Expected errors of the database poses at other viewpoints, by the deviations of a group's frames (kriging). All refer
 // to one coordinate of the rotations or positions, in the priors' standard deviations.
 struct PredictedErrors {
