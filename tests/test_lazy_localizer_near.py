@@ -109,8 +109,12 @@ def test_features_in_the_database(place, photos):
         for (image_id,) in connection.execute("SELECT image_id FROM images WHERE name LIKE '%far%'").fetchall():
             keypoints, descriptors = rng.random((20, 4), np.float32), rng.integers(0, 90, (20, 128), np.uint8)
             for table, array in (("keypoints", keypoints), ("descriptors", descriptors)):
-                row = (image_id, *array.shape, array.tobytes())
-                connection.execute(f"INSERT INTO {table} (image_id, rows, cols, data) VALUES (?, ?, ?, ?)", row)
+                # Descriptors of COLMAP 4 have a type as well: that of the images that are there.
+                row = connection.execute(f"SELECT * FROM {table} LIMIT 1")
+                values = dict(zip((column for column, *_ in row.description), row.fetchone()))
+                values.update(image_id=image_id, rows=array.shape[0], cols=array.shape[1], data=array.tobytes())
+                marks = ", ".join("?" * len(values))
+                connection.execute(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({marks})", [*values.values()])
     near = place.run(POSITIONS, place.positions(CENTRE), on_demand=0)
     assert not (place.folder / "index").exists()
     for name in photos.query_names:
