@@ -14,6 +14,7 @@ COMMANDS = {
     "import": ("import_poses", "convert camera poses of another program to a COLMAP model"),
     "export": ("export_poses", "write the results in the format of another program"),
     "check": ("agreement.__main__", "check whether camera poses fit the feature matches in a database"),
+    "control_points": ("control_points", "compare poses with surveyed points that are marked in photos"),
     "report": ("report.__main__", "write an HTML page that shows the results of a run"),
     "evaluate": ("evaluate", "compute pose errors from known true poses"),
     "retrieve": ("retrieval.__main__", "find similar database images by global descriptors"),

@@ -5,7 +5,7 @@ Writes below the output folder:
   new/NAME.jpg                   later photos, the queries, with GPS in EXIF
   camera.txt                     `MODEL width height params...`
   control_points.csv             points on the ground and on boxes: latitude, longitude, height
-  marks.csv                      where the control points are in the later photos, in pixels
+  marks.csv                      where the control points are in the photos, in pixels
 """
 
 import csv
@@ -38,7 +38,7 @@ def make_survey(output: pathlib.Path, seed: int) -> None:
     _write_poses(output / "poses.csv", survey, rng)
     for view in new:
         write_gps(output / "new" / view.name, view.pose.cam_in_world + GPS_NOISE_M * rng.standard_normal(3))
-    _write_control_points(output, new, rng)
+    _write_control_points(output, [*new, *survey], rng)
     (output / "camera.txt").write_text(f"{CAMERA.text()}\n")
 
 

@@ -54,9 +54,13 @@ class Names:
         """
         if photos.folder is None:
             return _distinct([clean(name) for name in names])
+        return Names.among(names, photos.names, os.path.abspath(photos.folder))
+
+    @staticmethod
+    def among(names: Sequence[str], photos: Iterable[str], folder: str = "") -> "Names":
+        """Finds the photos of names among the names of photos in a folder, as `match` does."""
         # Photos are known by their whole paths, because a file may name their folder, too.
-        above = _parts(os.path.abspath(photos.folder))
-        paths = {photo: [*above, *_parts(photo)] for photo in photos.names}
+        paths = {photo: _parts(f"{folder}/{photo}") for photo in photos}
         left = {index: _parts(clean(name)) for index, name in enumerate(names)}
         found: dict[int, str] = {}
         ambiguous: dict[int, str] = {}

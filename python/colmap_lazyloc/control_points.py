@@ -1,0 +1,252 @@
+"""Compares the poses of photos with control points: surveyed points that people have marked in the photos.
+
+    lazyloc control_points RESULTS gcp_list.txt
+
+RESULTS is the output folder of `lazyloc run` or of `colmap lazy_localizer`, or the folder of a COLMAP model. The points
+and their marks are in one file, gcp_list.txt of OpenDroneMap or the XML file of markers that Metashape exports, or in
+two tables: one with the columns `point, latitude, longitude, height` or `point, x, y, z`, the other with `photo, point,
+x, y` (pixels from the corner of the photo, as in COLMAP). A point without coordinates is compared between old and new
+photos only.
+
+The rays of a point's marks meet at a place, once for the database photos and once for the new ones. The command prints
+how far this place is from the surveyed one, and how far the surveyed point is from its marks in pixels. Where both sets
+of photos see points, it prints the shift of the new photos.
+"""
+
+import argparse
+import csv
+import dataclasses
+import io
+import pathlib
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+import pycolmap
+import scipy.optimize
+
+from colmap_lazyloc.array_types import Floats
+from colmap_lazyloc.errors import InputError, Parser, command, logger
+from colmap_lazyloc.model import Camera, read_model
+from colmap_lazyloc.pose_formats.control_points import Mark, read_control_points
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.naming import Names, natural_key
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pycolmap_types import image_from_cam, to_pycolmap_camera, to_rigid3d
+from colmap_lazyloc.results import RESULTS, find_run, pose_of, read_results
+
+MIN_ANGLE_DEG = 1.5  # between the rays of a point, as in COLMAP's mapper
+LOSS_PX = 2.0  # errors of marks that are larger have less weight
+WRONG_PX, WRONG_RATIO = 10.0, 5.0  # an error that is larger, and larger than that many medians, is named
+DATABASE, NEW = "database", "new"
+MODEL = "model"
+COLUMNS = ("point", "photos", "marks", "dx", "dy", "dz", "error_px")
+GEOGRAPHIC_COLUMNS = ("point", "photos", "marks", "east_m", "north_m", "up_m", "error_px")
+
+
+@dataclasses.dataclass(frozen=True)
+class Photo:
+    """A photo of one of the two sets; without a pose if it is not localized."""
+
+    set_name: str
+    camera: Camera | None = None
+    pose: Pose | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """A mark in a photo with a pose."""
+
+    mark: Mark
+    camera: Camera
+    pose: Pose
+
+    def error_px(self, point: Floats) -> Floats:
+        """Returns where the point is projected relative to the mark; far away if it is behind the camera."""
+        pixel = image_from_cam(self.camera, self.pose(point[None]))[0]
+        return np.asarray(np.nan_to_num(pixel - self.mark.pixel, nan=float(self.camera.width)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Residual:
+    """What one set of photos says of a point.
+
+    `place`: where the rays of its marks meet; `error`: this place minus the surveyed one. They are None where they are
+    not known. `errors_px`: how far the surveyed point is from its marks, or else the place.
+    """
+
+    point: str
+    set_name: str
+    place: Floats | None
+    error: Floats | None
+    errors_px: Floats
+
+
+def read_photos(folder: pathlib.Path) -> tuple[dict[str, Photo], GeoOrigin | None]:
+    """Reads the photos of a run or of a model by name, and the origin of their frame."""
+    run = find_run(folder)
+    if run.results is None:
+        model = read_model(folder)
+        images = model.images.items()
+        return {name: Photo(DATABASE, model.cameras[image.camera_id], image.pose) for name, image in images}, (
+            GeoOrigin.read(folder)
+        )
+    results = read_results(run.results / RESULTS)
+    photos = {name: Photo(NEW) for name in results}
+    model_path = run.results / MODEL
+    for path in [model_path] if run.project is None else [run.project.model, model_path]:
+        model = read_model(path)
+        for name, image in model.images.items():
+            if name not in results or pose_of(results[name]) is not None:
+                photos[name] = Photo(
+                    NEW if name in results else DATABASE, model.cameras[image.camera_id], image.cam_from_world
+                )
+    return photos, GeoOrigin.read(model_path)
+
+
+def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> dict[tuple[str, str], list[View]]:
+    """Returns the marks in photos with poses by point and set of photos; names photos that have none."""
+    names = sorted({mark.photo for mark in marks})
+    found = Names.among(names, sorted(photos))
+    if found.ambiguous:
+        raise InputError(f"marks: {next(iter(found.ambiguous.values()))}")
+    photo_of = {names[index]: photos[photo] for index, photo in found.photos.items()}
+    views: dict[tuple[str, str], list[View]] = {}
+    missing = set()
+    for mark in marks:
+        photo = photo_of.get(mark.photo)
+        if photo is None or photo.camera is None or photo.pose is None:
+            missing.add(mark.photo)
+        else:
+            views.setdefault((mark.point, photo.set_name), []).append(View(mark, photo.camera, photo.pose))
+    if missing:
+        text = ", ".join(sorted(missing)[:3]) + (f" and {len(missing) - 3} more" if len(missing) > 3 else "")
+        logger.warning("%d of %d photos with marks have no pose: %s", len(missing), len(names), text)
+    return views
+
+
+def intersect(views: Sequence[View]) -> Floats | None:
+    """Returns the point that fits the marks best; None if their rays do not determine it."""
+    options = pycolmap.EstimateTriangulationOptions(min_tri_angle=np.radians(MIN_ANGLE_DEG))
+    options.ransac.random_seed = 0
+    found = len(views) > 1 and pycolmap.estimate_triangulation(
+        np.array([view.mark.pixel for view in views]),
+        [to_rigid3d(view.pose) for view in views],
+        [to_pycolmap_camera(view.camera) for view in views],
+        options,
+    )
+    if not found:
+        return None
+
+    def errors_px(point: Floats) -> Floats:
+        return np.concatenate([view.error_px(point) for view in views])
+
+    place: Floats = scipy.optimize.least_squares(errors_px, found["xyz"], loss="soft_l1", f_scale=LOSS_PX).x
+    return place
+
+
+def compare(views: dict[tuple[str, str], list[View]], surveyed: dict[str, Floats]) -> list[Residual]:
+    """Compares the marks of each point with its surveyed place; names marks that are probably wrong."""
+    residuals = []
+    for (point, set_name), seen in views.items():
+        place, known = intersect(seen), surveyed.get(point)
+        target = place if known is None else known
+        errors = [np.nan if target is None else float(np.linalg.norm(view.error_px(target))) for view in seen]
+        error = None if place is None or known is None else place - known
+        residuals.append(Residual(point, set_name, place, error, np.array(errors)))
+    limit = max(WRONG_PX, WRONG_RATIO * float(np.nanmedian(np.concatenate([each.errors_px for each in residuals]))))
+    for residual, seen in zip(residuals, views.values()):
+        for view, error_px in zip(seen, residual.errors_px):
+            if error_px > limit:
+                logger.warning("the mark of '%s' in %s is off by %.0f px", residual.point, view.mark.photo, error_px)
+    return residuals
+
+
+def summary(residuals: Sequence[Residual], unit: str) -> list[str]:
+    """Returns a line for each set of photos, and one for the shift between them."""
+    lines = []
+    for set_name in (DATABASE, NEW):
+        own = [residual for residual in residuals if residual.set_name == set_name]
+        if not own:
+            continue
+        errors = np.array([residual.error for residual in own if residual.error is not None]).reshape(-1, 3)
+        text = f"{set_name} photos: {len(own)} points"
+        if len(errors):
+            text += (
+                f", mean error {_vector(errors.mean(axis=0))} {unit}, root mean square {_vector(_rms(errors))} {unit}"
+            )
+        pixels = _rms(np.concatenate([residual.errors_px for residual in own]))
+        lines.append(text + (f", {pixels:.2f} px" if np.isfinite(pixels) else ""))
+    places = {(residual.point, residual.set_name): residual.place for residual in residuals}
+    pairs = [(places.get((point, DATABASE)), place) for (point, set_name), place in places.items() if set_name == NEW]
+    shifts = np.array([new - old for old, new in pairs if old is not None and new is not None])
+    if len(shifts) > 1:
+        deviation = shifts.std(axis=0, ddof=1) / np.sqrt(len(shifts))
+        lines.append(
+            f"shift of the new photos, by {len(shifts)} points: {_vector(shifts.mean(axis=0))} {unit}, standard "
+            f"deviation {_vector(deviation)} {unit}"
+        )
+    return lines
+
+
+def _rms(errors: Floats) -> Floats:
+    """Returns the root mean square of known values, by column."""
+    known = errors[np.isfinite(errors).reshape(len(errors), -1).all(axis=1)]
+    return np.sqrt(np.mean(np.square(known), axis=0)) if len(known) else np.full(errors.shape[1:], np.nan)
+
+
+def _vector(values: Floats) -> str:
+    return " ".join(f"{value:.4f}" for value in values)
+
+
+def table(residuals: Sequence[Residual], columns: Sequence[str]) -> str:
+    """Returns the residuals as CSV; unknown values are empty."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(columns)
+    for residual in residuals:
+        error = ["", "", ""] if residual.error is None else [f"{value:.4f}" for value in residual.error]
+        pixels = _rms(residual.errors_px)
+        count = len(residual.errors_px)
+        writer.writerow(
+            [residual.point, residual.set_name, count, *error, f"{pixels:.2f}" if np.isfinite(pixels) else ""]
+        )
+    return file.getvalue()
+
+
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = Parser(
+        prog="lazyloc control_points", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add = parser.add_argument
+    add("results", metavar="RESULTS", type=pathlib.Path, help="output folder of a run, or folder of a model")
+    add("files", metavar="FILE", nargs="+", type=pathlib.Path, help="points and marks, in one file or in two")
+    add(
+        "--crs",
+        help="coordinate reference system of x, y, z in a table, for example EPSG:32632; default: the coordinates of "
+        "the model",
+    )
+    add("--output", type=pathlib.Path, metavar="FILE", help="CSV file for the table; default: it is printed")
+    return parser.parse_args(arguments)
+
+
+@command(name="lazyloc control_points", extra="import")
+def main(arguments: Sequence[str] | None = None) -> None:
+    options = parse_arguments(arguments)
+    control = read_control_points(options.files, options.crs)
+    photos, origin = read_photos(options.results)
+    views = find_views(control.marks, photos)
+    if not views:
+        raise InputError(f"{options.files[-1]}: no mark is in a photo of {options.results} that has a pose")
+    residuals = compare(views, control.in_model(origin))
+    residuals.sort(key=lambda residual: (natural_key(residual.point), residual.set_name))
+    text = table(residuals, COLUMNS if origin is None else GEOGRAPHIC_COLUMNS)
+    if options.output is None:
+        print(text)
+    else:
+        options.output.write_text(text)
+    print("\n".join(summary(residuals, "units" if origin is None else "m")))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,182 @@
+"""Reads control points: surveyed points, and where they are marked in photos."""
+
+import dataclasses
+import pathlib
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from colmap_lazyloc.array_types import Floats
+from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.pose_formats import odm_geo
+from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, NO_FRAME, Frame
+from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs
+from colmap_lazyloc.pose_formats.opensfm import grid_name
+from colmap_lazyloc.pose_formats.positions import GEODETIC
+from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, errors_named, reason_of
+from colmap_lazyloc.pose_formats.signatures import Head
+from colmap_lazyloc.pose_formats.table import CENTRE, LATITUDE, LONGITUDE, NAME
+from colmap_lazyloc.pose_formats.text import Row, Table, numbers, read_xml, split
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.text_files import read_entries
+
+POINT = ("point", "gcp", "gcpname", "gcplabel", "marker", "controlpoint", "pointid")
+PIXEL = (("px", "imx", "pixelx", "u", "x"), ("py", "imy", "pixely", "v", "y"))
+MARKS_LAYOUT = "photo point x y"  # of Pix4D, which writes no header
+EXPECTED = "a list of OpenDroneMap, Metashape's XML of markers, or tables: `point x y z` and `photo point x y`"
+ODM_CORNER = 0.5  # OpenDroneMap counts pixels from the centre of the first one, COLMAP from its corner
+MAX_NUM_NAMED = 3
+MAX_DISTANCE_M = 1e5  # between a point and the origin of a model
+
+T = TypeVar("T")
+
+
+@dataclasses.dataclass(frozen=True)
+class Mark:
+    """Where a point is seen in a photo, in COLMAP's pixels."""
+
+    photo: str
+    point: str
+    pixel: tuple[float, float]
+
+
+@dataclasses.dataclass
+class ControlPoints:
+    """Marks, and the coordinates of points by name in `frame`; a mark may be of a point that nobody has surveyed."""
+
+    marks: list[Mark] = dataclasses.field(default_factory=list)
+    points: dict[str, Sequence[float]] = dataclasses.field(default_factory=dict)
+    frame: Frame = NO_FRAME
+
+    def in_model(self, origin: GeoOrigin | None) -> dict[str, Floats]:
+        """Returns the points in the coordinates of a model, whose origin is on the Earth if it has one."""
+        if self.frame.is_geographic and origin is None:
+            raise InputError("control points in geographic coordinates need a model with geo.json")
+        poses = [Pose.from_centre(np.eye(3), np.array(place, float)) for place in self.points.values()]
+        placed, _ = self.frame.to_local(poses, origin) if poses else ([], None)
+        found = {name: pose.cam_in_world for name, pose in zip(self.points, placed) if pose is not None}
+        far = [name for name, place in found.items() if np.linalg.norm(place) > MAX_DISTANCE_M]
+        if origin is not None and far:
+            remedy = "" if self.frame.is_geographic else ": name the system of its coordinates (--crs)"
+            raise InputError(f"point '{far[0]}' is more than 100 km away from the photos{remedy}")
+        return found
+
+
+def read_control_points(paths: Sequence[pathlib.Path], crs: str | None = None) -> ControlPoints:
+    """Reads the points and marks of one or several files; each error is an InputError that names the file.
+
+    `crs`: the reference system of coordinates in a table, if they are not those of the model.
+    """
+    found = ControlPoints(frame=Frame(crs))
+    for path in paths:
+        with errors_named(path):
+            _read(path, found)
+    if not found.marks:
+        raise InputError(f"{paths[0]}: there are no marks of points in photos: expected are {EXPECTED}")
+    return found
+
+
+def _read(path: pathlib.Path, found: ControlPoints) -> None:
+    """Adds what a file has."""
+    head = Head(path)
+    if head.xml("<marker"):
+        _read_metashape(path, found)
+    elif odm_geo.has_header(head):
+        _read_odm(path, found)
+    else:
+        has_no_header = head.count_numbers(split(head.first_line, head.first_line)[-2:]) > 0
+        _read_table(Table(path, (MARKS_LAYOUT,) if has_no_header else ()), found)
+
+
+def _read_odm(path: pathlib.Path, found: ControlPoints) -> None:
+    """Reads gcp_list.txt of OpenDroneMap: lines `x y z pixel_x pixel_y photo [point]` after one with the system.
+
+    Without names, points are known by their coordinates.
+    """
+    (_, header), *lines = read_entries(path)
+    names: dict[tuple[float, ...], str] = {}
+
+    def parse(line: str) -> None:
+        words = line.split()
+        x, y, z, px, py = numbers(words[:5], 5)
+        if len(words) < 6:
+            raise ValueError("there is no photo")
+        name = words[6] if len(words) > 6 else names.setdefault((x, y, z), str(len(names) + 1))
+        found.points[name] = x, y, z
+        found.marks.append(Mark(words[5], name, (px + ODM_CORNER, py + ODM_CORNER)))
+
+    found.frame = _frame(grid_name(header))
+    _each(path, lines, lambda entry: parse(entry[1]), lambda entry: f"line {entry[0]}")
+
+
+def _read_metashape(path: pathlib.Path, found: ControlPoints) -> None:
+    """Reads the XML file of markers that Metashape exports; marks that it has only projected are not pinned."""
+    root = read_xml(path)
+    chunk = root.find("chunk") if root.tag != "chunk" else root
+    if chunk is None:
+        raise InputError("has no chunk")
+    photos = {camera.get("id"): camera.get("label", "") for camera in chunk.iter("camera")}
+    labels: dict[str | None, str] = {}
+    for marker in chunk.findall("markers/marker"):
+        labels[marker.get("id")] = marker.get("label", "")
+        place = marker.find("reference")
+        if place is not None and {"x", "y", "z"} <= set(place.keys()):
+            found.points[marker.get("label", "")] = numbers([place.get(axis) for axis in "xyz"], 3)
+    system = (chunk.findtext("reference") or "").strip()
+    if system and not system.startswith("LOCAL_CS"):
+        found.frame = _frame(system)
+
+    def parse(item: tuple[str, ET.Element]) -> None:
+        name, location = item
+        x, y = numbers([location.get(axis) for axis in "xy"], 2)
+        found.marks.append(Mark(photos[location.get("camera_id")], name, (x, y)))
+
+    items = [
+        (labels.get(marker.get("marker_id"), ""), location)
+        for marker in chunk.findall("frames/frame/markers/marker")
+        for location in marker.findall("location")
+        if location.get("pinned", "true") in ("true", "1")
+    ]
+    _each(path, items, parse, lambda item: f"a mark of '{item[0]}'")
+
+
+def _read_table(table: Table, found: ControlPoints) -> None:
+    """Reads a table of points, or one of marks, which has a column for the photo."""
+    is_of_marks = table.has(NAME, POINT, *PIXEL) and not table.has("z")
+    point = POINT if table.has(POINT) else NAME
+    is_geodetic = table.has(LATITUDE, LONGITUDE)
+    vector = GEODETIC if is_geodetic else CENTRE
+    if not is_of_marks:
+        table.require(EXPECTED, point, *vector)
+        found.frame = Frame(GEOGRAPHIC) if is_geodetic else found.frame
+
+    def parse(row: Row) -> None:
+        if is_of_marks:
+            x, y = row.numbers(*PIXEL)
+            found.marks.append(Mark(row.text(NAME), row.text(POINT), (x, y)))
+        else:
+            found.points[row.text(point)] = row.numbers(*vector)
+
+    _each(table.path, table.rows(), parse, lambda row: row.label)
+    table.report_unused()
+
+
+def _frame(crs: str) -> Frame:
+    find_crs(crs)
+    return Frame(crs)
+
+
+def _each(path: pathlib.Path, items: Iterable[T], parse: Callable[[T], None], label: Callable[[T], str]) -> None:
+    """Parses each item; damaged ones are left out, and named."""
+    left_out = []
+    for item in items:
+        try:
+            parse(item)
+        except DAMAGE as error:
+            left_out.append(f"{label(item)} ({reason_of(error)})")
+    if left_out:
+        more = len(left_out) - MAX_NUM_NAMED
+        names = ", ".join(left_out[:MAX_NUM_NAMED]) + (f" and {more} more" if more > 0 else "")
+        logger.warning("%s: left out: %s", path, names)
