@@ -26,8 +26,6 @@ JPEG_QUALITY = 95  # of converted photos
 REFUSED = ".refused"  # ending of the mark of a photo that could not be converted
 PHONE_FORMATS = ("AVIF", "HEIF")  # Pillow's names
 ORIENTATION, MIRRORED = 0x0112, (2, 4, 5, 7)  # tag of EXIF, and its values for mirror images
-EXIF_IFD = 0x8769
-MAKE, MODEL, LENS_MODEL, FOCAL_LENGTH, FOCAL_LENGTH_35MM, DIGITAL_ZOOM = 0x010F, 0x0110, 0xA434, 0x920A, 0xA405, 0xA404
 MAX_NUM_NAMED = 5  # of photos that are left out
 
 
@@ -67,16 +65,17 @@ def has_one_camera(paths: Iterable[pathlib.Path]) -> bool:
 def _size_and_camera(path: pathlib.Path) -> tuple[tuple[int, int], tuple[str, ...] | None]:
     """Returns what EXIF has of the camera, lens and zoom; None without a model or a focal length."""
     import PIL.Image
+    from PIL.ExifTags import IFD, Base
 
     try:
         with PIL.Image.open(path) as photo:
             main = photo.getexif()
-            tags = {**main, **main.get_ifd(EXIF_IFD)}
+            tags = {**main, **main.get_ifd(IFD.Exif)}
             size = photo.size
     except Exception:  # each decoder raises others for damaged files
         return (0, 0), None
-    camera = [str(tags.get(tag, "")) for tag in (MAKE, MODEL, LENS_MODEL, DIGITAL_ZOOM)]
-    zoom = [str(tags.get(tag, "")) for tag in (FOCAL_LENGTH, FOCAL_LENGTH_35MM)]
+    camera = [str(tags.get(tag, "")) for tag in (Base.Make, Base.Model, Base.LensModel, Base.DigitalZoomRatio)]
+    zoom = [str(tags.get(tag, "")) for tag in (Base.FocalLength, Base.FocalLengthIn35mmFilm)]
     return size, (*camera, *zoom) if camera[1] and any(zoom) else None
 
 
