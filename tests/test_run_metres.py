@@ -17,6 +17,7 @@ from colmap_lazyloc.poses import Pose, look_at, read_poses
 from colmap_lazyloc.project.alignment import NotAlignedError, align_to_positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
+from colmap_lazyloc.pycolmap_types import image_from_cam
 from colmap_lazyloc.results import read_geodetic
 from report_pages import ReportPage
 
@@ -195,6 +196,36 @@ def test_run_by_a_distance(courtyard, photos, capsys):
     assert measured == pytest.approx(true, rel=0.01)
 
 
+def write_control_points(folder, photos, places):
+    """Writes control points, and their marks in the database images."""
+    points = ["point,x,y,z", *(f"{name},{','.join(map(str, place))}" for name, place in places.items())]
+    marks = ["photo,point,x,y"]
+    for image in photos.database_names:
+        for point, place in places.items():
+            x, y = image_from_cam(photo_scene.CAMERA, photos.poses[image](np.array([place], float)))[0]
+            if 0 < x < photo_scene.CAMERA.width and 0 < y < photo_scene.CAMERA.height:
+                marks.append(f"{image.removeprefix('database/')},{point},{x:.17g},{y:.17g}")
+    for name, lines in (("points.csv", points), ("marks.csv", marks)):
+        (folder / name).write_text("\n".join(lines) + "\n")
+    return folder / "points.csv", folder / "marks.csv"
+
+
+def test_run_by_control_points(courtyard, photos, tmp_path, capsys):
+    places = {f"P{i}": place for i, place in enumerate([(-2, 3, 0), (2, 3, 0), (0, 4, 2), (-1, 5, 1), (1.5, 4, 1)])}
+    files = write_control_points(tmp_path, photos, places)
+    files[0].write_text(files[0].read_text().replace("P3,-1,", "P3,-1.5,"))
+    output = courtyard("--control_points", *files)
+    printed = capsys.readouterr()
+    assert "aligned to the 5 control points: median error 0.0" in printed.err and "1 beyond" in printed.err
+    assert re.search(r"control point 'P3' is left out, because it is off by 0\.\d+ m", printed.err)
+    assert "x (m)" in printed.out
+    for name, pose in read_poses(output / "localized" / "poses.txt").items():
+        assert np.linalg.norm(pose.cam_in_world - photos.poses[name].cam_in_world) < 0.1
+    files = write_control_points(tmp_path, photos, {"P0": (-2, 3, 0), "P1": (2, 3, 0)})
+    courtyard("--control_points", *files, exit_code=1)
+    assert "--control_points: only 2 points have marks in two or more of its photos" in capsys.readouterr().err
+
+
 def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys):
     names = [name.removeprefix("database/") for name in photos.database_names]
     centres = np.array([photos.poses[name].cam_in_world for name in photos.database_names])
@@ -239,6 +270,10 @@ def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys)
         (["--scale", "0.png", "5.png", "-2"], "--scale: expected a distance in metres, found '-2'"),
         (["--scale", "0.png", "5.png", "far"], "--scale: expected a distance in metres, found 'far'"),
         (["--scale", "0.png", "5.png", "2", "--poses", "MODEL"], "--scale has no effect with --poses"),
+        (
+            ["--scale", "0.png", "5.png", "2", "--control_points", "POINTS"],
+            "--control_points has no effect with --scale",
+        ),
         (["--scale", "0.png", "5.png", "2", "--panoramas", "all"], "--scale has no effect on panoramas"),
         (["--scale", "0.png", "5.png", "2", "--crs", "EPSG:32632"], "--crs has no effect with --scale"),
         (["--crs", "EPSG:0"], "--crs EPSG:0"),

@@ -104,8 +104,8 @@ def read_photos(folder: pathlib.Path) -> tuple[dict[str, Photo], GeoOrigin | Non
     return photos, GeoOrigin.read(model_path)
 
 
-def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> dict[tuple[str, str], list[View]]:
-    """Returns the marks in photos with poses by point and set of photos; names photos that have none."""
+def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> tuple[dict[tuple[str, str], list[View]], list[str]]:
+    """Returns the marks in photos with poses by point and set of photos, and the names of the other photos."""
     names = sorted({mark.photo for mark in marks})
     found = Names.among(names, sorted(photos))
     if found.ambiguous:
@@ -119,10 +119,7 @@ def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> dict[tuple[st
             missing.add(mark.photo)
         else:
             views.setdefault((mark.point, photo.set_name), []).append(View(mark, photo.camera, photo.pose))
-    if missing:
-        text = ", ".join(sorted(missing)[:3]) + (f" and {len(missing) - 3} more" if len(missing) > 3 else "")
-        logger.warning("%d of %d photos with marks have no pose: %s", len(missing), len(names), text)
-    return views
+    return views, sorted(missing)
 
 
 def intersect(views: Sequence[View]) -> Floats | None:
@@ -230,14 +227,17 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-@command(name="lazyloc control_points", extra="import")
+@command(name="lazyloc control_points", extra="control_points")
 def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     control = read_control_points(options.files, options.crs)
     photos, origin = read_photos(options.results)
-    views = find_views(control.marks, photos)
+    views, missing = find_views(control.marks, photos)
     if not views:
         raise InputError(f"{options.files[-1]}: no mark is in a photo of {options.results} that has a pose")
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        logger.warning("%d photos with marks have no pose: %s%s", len(missing), ", ".join(missing[:3]), more)
     residuals = compare(views, control.in_model(origin))
     residuals.sort(key=lambda residual: (natural_key(residual.point), residual.set_name))
     text = table(residuals, COLUMNS if origin is None else GEOGRAPHIC_COLUMNS)

@@ -27,6 +27,10 @@ EXTRAS = {
     ),
     "report": Extra("lazyloc report: photos, progress", {**OPENCV, **TQDM}),
     "plots": Extra("lazyloc report --plots", {"matplotlib": "matplotlib"}),
+    "control_points": Extra(
+        "lazyloc control_points, lazyloc run --control_points",
+        {"pycolmap": "pycolmap", "pyproj": "pyproj", "scipy": "scipy"},
+    ),
     "demo": Extra(
         "lazyloc demo: rendering",
         {**OPENCV, "pillow": "PIL", "pycolmap": "pycolmap", "pyproj": "pyproj", "scipy": "scipy"},

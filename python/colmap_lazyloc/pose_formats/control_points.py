@@ -54,14 +54,19 @@ class ControlPoints:
         """Returns the points in the coordinates of a model, whose origin is on the Earth if it has one."""
         if self.frame.is_geographic and origin is None:
             raise InputError("control points in geographic coordinates need a model with geo.json")
-        poses = [Pose.from_centre(np.eye(3), np.array(place, float)) for place in self.points.values()]
-        placed, _ = self.frame.to_local(poses, origin) if poses else ([], None)
-        found = {name: pose.cam_in_world for name, pose in zip(self.points, placed) if pose is not None}
+        found, _ = self.in_local_frame(origin)
         far = [name for name, place in found.items() if np.linalg.norm(place) > MAX_DISTANCE_M]
         if origin is not None and far:
             remedy = "" if self.frame.is_geographic else ": name the system of its coordinates (--crs)"
             raise InputError(f"point '{far[0]}' is more than 100 km away from the photos{remedy}")
         return found
+
+    def in_local_frame(self, origin: GeoOrigin | None = None) -> tuple[dict[str, Floats], GeoOrigin | None]:
+        """Returns the points in the local frame at an origin, by default in their middle, and the origin; points of no
+        known place are returned as they are."""
+        poses = [Pose.from_centre(np.eye(3), np.array(place, float)) for place in self.points.values()]
+        placed, origin = self.frame.to_local(poses, origin) if poses else ([], origin)
+        return {name: pose.cam_in_world for name, pose in zip(self.points, placed) if pose is not None}, origin
 
 
 def read_control_points(paths: Sequence[pathlib.Path], crs: str | None = None) -> ControlPoints:

@@ -1,20 +1,24 @@
-"""Gives a model of COLMAP's mapper metres: by positions of its photos, such as GPS, or by the distance between two
-cameras."""
+"""Gives a model of COLMAP's mapper metres: by positions of its photos, such as GPS, by control points, or by the
+distance between two cameras."""
 
 import dataclasses
 import pathlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import poses_of, read_model
+from colmap_lazyloc.pose_formats.control_points import ControlPoints
 from colmap_lazyloc.pose_formats.posed_images import Positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
 
 MIN_NUM_PHOTOS = 3
+MIN_NUM_POINTS = 3
+POINT_STDDEV_M = 0.02  # of control points and their marks
 NUM_PARAMETERS = 7  # of a similarity
 TOLERANCE = 3.0  # of the alignment, in deviations or in median errors
 FIRST_TOLERANCE_M, MIN_TOLERANCE_M = 0.5, 0.01
@@ -51,12 +55,12 @@ class Fit:
         return self.errors <= self.tolerance
 
     def text(self, title: str) -> str:
-        """Returns what a user wants to know of it; `title`: what the positions are."""
+        """Returns what a user wants to know of it; `title`: what the model is aligned to."""
+        median, tolerance = (f"{x:.1f}" if x >= 1 else f"{x:.2g}" for x in (np.median(self.errors), self.tolerance))
         num_beyond = int(np.sum(~self.is_within))
         beyond = "none" if num_beyond == 0 else str(num_beyond)
-        tolerance = f"{self.tolerance:.1f}" if self.tolerance >= 1 else f"{self.tolerance:.2g}"
         return (
-            f"aligned to the {title} of {len(self.errors)} photos: median error {np.median(self.errors):.2f} m, "
+            f"aligned to the {title}: median error {median} m, "
             f"{beyond} beyond {tolerance} m, orientation to {self.rotation_stddev_deg:.1f} degrees"
         )
 
@@ -102,7 +106,51 @@ def align_to_positions(
         )
     if positions.origin is not None:
         positions.origin.write(folder.model)
-    return fit.text(title)
+    return fit.text(f"{title} of {len(used)} photos")
+
+
+def align_to_points(
+    folder: Folder, runner: ColmapRunner, colmap: pathlib.Path, source: pathlib.Path, control: ControlPoints
+) -> str:
+    """Writes the model `source` as that of the project, in the coordinates of control points that are marked in its
+    photos, with geo.json if these are geographic; otherwise as `align_to_positions`."""
+    import pycolmap
+
+    from colmap_lazyloc.control_points import DATABASE, Photo, find_views, intersect
+
+    model = read_model(source)
+    photos = {name: Photo(DATABASE, model.cameras[image.camera_id], image.pose) for name, image in model.images.items()}
+    surveyed, origin = control.in_local_frame()
+    views, _ = find_views([mark for mark in control.marks if mark.point in surveyed], photos)
+    places = {point: place for (point, _), seen in views.items() if (place := intersect(seen)) is not None}
+    if len(places) < MIN_NUM_POINTS:
+        raise NotAlignedError(
+            f"only {len(places)} points have marks in two or more of its photos, and three are needed"
+        )
+    found, targets = np.array([*places.values()]), np.array([surveyed[point] for point in places])
+
+    similarity = pycolmap.Sim3d()
+
+    def align(tolerance: float) -> Array | None:
+        """Returns the places of the aligned points; None if COLMAP finds no alignment."""
+        nonlocal similarity
+        options = pycolmap.RANSACOptions(max_error=tolerance, random_seed=0)
+        estimated: Any = pycolmap.estimate_sim3d_robust(found, targets, options)
+        if estimated is None:
+            return None
+        similarity = estimated["tgt_from_src"]
+        return np.array([similarity * place for place in found])
+
+    fit = _fit(align, targets, POINT_STDDEV_M, "control points")
+    for point, error, is_within in zip(places, fit.errors, fit.is_within):
+        if not is_within:
+            logger.warning("control point '%s' is left out, because it is off by %.2g m", point, error)
+    quaternion = np.roll(similarity.rotation.quat, 1)
+    numbers = np.concatenate([[similarity.scale], quaternion, similarity.translation])
+    _transform(folder, runner, colmap, source, numbers.tolist())
+    if origin is not None:
+        origin.write(folder.model)
+    return fit.text(f"{len(places)} control points")
 
 
 def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float | None, title: str) -> Fit:
@@ -155,8 +203,15 @@ def scale_to_distance(
     length = float(np.linalg.norm(second - first))
     if length == 0:
         raise InputError(f"--scale: {distance.first} and {distance.second} are at the same place")
-    transform = folder.write_list("scale", [f"{distance.metres / length!r} 1 0 0 0 0 0 0"])
+    _transform(folder, runner, colmap, source, [distance.metres / length, 1, 0, 0, 0, 0, 0, 0])
+    return f"scaled by the distance between {distance.first} and {distance.second}, {distance.metres:g} m"
+
+
+def _transform(
+    folder: Folder, runner: ColmapRunner, colmap: pathlib.Path, source: pathlib.Path, similarity: Iterable[float]
+) -> None:
+    """Writes the model `source` as that of the project, transformed: scale, quaternion w x y z, translation."""
+    path = folder.write_list("transform", [" ".join(map(repr, similarity))])
     folder.model.mkdir(parents=True, exist_ok=True)
     words: list[object] = [colmap, "model_transformer", "--input_path", source, "--output_path", folder.model]
-    runner.run([*words, "--transform_path", transform])
-    return f"scaled by the distance between {distance.first} and {distance.second}, {distance.metres:g} m"
+    runner.run([*words, "--transform_path", path])

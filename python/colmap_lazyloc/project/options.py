@@ -1,6 +1,7 @@
 """The options of `lazyloc run`: what they are, and whether each can have its effect."""
 
 import argparse
+import importlib
 import itertools
 import math
 import os
@@ -12,6 +13,7 @@ from colmap_lazyloc.errors import InputError, Parser, logger, positive_int
 from colmap_lazyloc.import_poses import CONVENTION_OPTIONS, add_source_options, join_values, make_source
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats import positions
+from colmap_lazyloc.pose_formats.control_points import read_control_points
 from colmap_lazyloc.pose_formats.geo import find_crs
 from colmap_lazyloc.pose_formats.registry import FORMATS
 from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder
@@ -84,6 +86,14 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         metavar=("A", "B", "METRES"),
         help="distance in metres between the cameras of two database images, for results in metres without GPS and "
         "without --poses, for example --scale a.jpg b.jpg 4.2",
+    )
+    of_poses(
+        "--control_points",
+        nargs="+",
+        type=pathlib.Path,
+        metavar="FILE",
+        help="surveyed points that are marked in database images, for the coordinates of these points without --poses: "
+        "the files of `lazyloc control_points`",
     )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
@@ -273,7 +283,20 @@ def _separate_positions(options: argparse.Namespace) -> None:
 
 
 def _check_metres(options: argparse.Namespace) -> None:
-    """Checks --scale and --crs, which act on a model of COLMAP's mapper, too."""
+    """Checks --scale, --control_points and --crs, which act on a model of COLMAP's mapper, too."""
+    if options.control_points is not None:
+        importlib.import_module("colmap_lazyloc.control_points")  # says which packages it lacks
+        given = next((name for name in ("poses", "positions", "scale") if getattr(options, name) is not None), None)
+        if given is not None:
+            name = "poses" if given == "positions" else given
+            raise InputError(
+                f"--control_points has no effect with --{name}: compare with the points after the run (lazyloc "
+                "control_points)"
+            )
+        if DATABASE in panorama_roles(options):
+            raise InputError("--control_points has no effect on panoramas")
+        if not read_control_points(options.control_points, options.crs).points:
+            raise InputError(f"--control_points {options.control_points[0]}: no point has coordinates")
     if options.scale is not None:
         if options.poses is not None or options.positions is not None:
             raise InputError("--scale has no effect with --poses: their coordinates are used as they are")

@@ -23,17 +23,25 @@ from colmap_lazyloc.errors import InputError, logger, nearest
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.colmap import write_posed_images
+from colmap_lazyloc.pose_formats.control_points import ControlPoints
 from colmap_lazyloc.pose_formats.exif_gps import in_local_frame, read_photos, write_positions
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, Positions, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
-from colmap_lazyloc.project.alignment import Distance, NotAlignedError, align_to_positions, scale_to_distance
+from colmap_lazyloc.project.alignment import (
+    Distance,
+    NotAlignedError,
+    align_to_points,
+    align_to_positions,
+    scale_to_distance,
+)
 from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
 from colmap_lazyloc.project.folder import ALIGNMENT, MATCHES, Folder, Steps, content, fingerprint, remove
 from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
 from colmap_lazyloc.project.photos import contents, has_bad_mask, warn_left_out
 
+Known = Distance | ControlPoints | Positions  # what gives the mapper's model metres
 MAX_NUM_EXHAUSTIVE = 50  # images; more are retrieved by a vocabulary tree
 NUM_RETRIEVED = 30
 MAX_NUM_WORDS = 16384  # of the vocabulary tree
@@ -225,7 +233,7 @@ def make_model(
     used: Sequence[str],
     posed: PosedImages | None,
     refines_cameras: bool,
-    known: Distance | Positions | None = None,
+    known: Known | None = None,
 ) -> None:
     """Writes the model of the poses, or lets COLMAP's mapper make it. `used`: the images in the database; `known`: what
     gives the mapper's model metres, by default the GPS of the photos."""
@@ -261,7 +269,7 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
     project.steps.finish("sparse", key)
 
 
-def _write_mapped(project: Project, used: Sequence[str], known: Distance | Positions | None) -> None:
+def _write_mapped(project: Project, used: Sequence[str], known: Known | None) -> None:
     """Writes the largest model of the mapper, in metres if a distance or positions give them."""
     folder = project.folder
     models = {path: len(read_model(path).images) for path in folder.sparse.iterdir() if path.is_dir()}
@@ -269,12 +277,15 @@ def _write_mapped(project: Project, used: Sequence[str], known: Distance | Posit
     try:
         if isinstance(known, Distance):
             text = scale_to_distance(folder, project.runner, project.colmap, largest, known)
+        elif isinstance(known, ControlPoints):
+            text = align_to_points(folder, project.runner, project.colmap, largest, known)
         else:
             positions = known or _gps_of_photos(folder, used)
             text = align_to_positions(folder, project.runner, project.colmap, largest, positions)
     except NotAlignedError as error:
         if known is not None:
-            raise InputError(f"--poses: {error}") from None
+            option = "control_points" if isinstance(known, ControlPoints) else "poses"
+            raise InputError(f"--{option}: {error}") from None
         remove(folder.model)
         shutil.copytree(largest, folder.model)
         logger.warning("lengths are in units of the model: %s (--scale gives metres)", error)
