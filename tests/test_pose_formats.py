@@ -190,7 +190,7 @@ def test_metashape_distortion_has_another_order(photos, tmp_path):
         read(path, photos)
 
 
-def test_trajectory_of_a_body_with_a_calibration(photos, tmp_path):
+def test_trajectory_of_a_body_with_a_calibration(photos, tmp_path, caplog):
     """The body's axes are forward, left, up, as of a robot. The camera is 0.3 m ahead of it and 0.1 m above."""
     path = pose_files.write(tmp_path, "t.txt", "1700000100.0 0 0 0 0 0 0.70710678118 0.70710678118\n")  # faces north
     calibration = pose_files.write(
@@ -208,11 +208,14 @@ def test_trajectory_of_a_body_with_a_calibration(photos, tmp_path):
         "camchain.yaml",
         "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [0.1, 0, 0, 0.2]\n  distortion_model: equidistant\n"
         "  intrinsics: [500, 500, 309.5, 249.5]\n  resolution: [640, 480]\n"
-        "  T_cam_imu:\n  - [0, -1, 0, 0]\n  - [0, 0, -1, 0.1]\n  - [1, 0, 0, -0.3]\n  - [0, 0, 0, 1]\n",
+        "  T_cam_imu:\n  - [0, -1, 0, 0]\n  - [0, 0, -1, 0.1]\n  - [1, 0, 0, -0.3]\n  - [0, 0, 0, 1]\n"
+        "  timeshift_cam_imu: 0.02\ncam1:\n  camera_model: pinhole\n",
     )
+    assert "not used" not in caplog.text
     images, _ = read(path, photos, calibration_path=calibration)
     assert_looks_north(images[pose_files.TIMED[0]], (0, 0.3, 0.1))
     assert images[pose_files.TIMED[0]].camera.model == "OPENCV_FISHEYE"
+    assert f"{calibration}: keys that are not used: cam1, timeshift_cam_imu" in caplog.text
 
 
 def test_kitti_calibration_of_the_photos_camera(tmp_path):
@@ -310,7 +313,16 @@ def test_all_cameras_of_a_rig_get_poses(form, tmp_path, capsys):
     assert "1 of 4 photos have no pose" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("rigs", [[], {}, [{"cameras": RIG[1:]}], [{"cameras": RIG[:1] * 2}], [{"cameras": RIG}] * 2])
+WITHOUT_MODEL = {key: value for key, value in RIG[1].items() if key != "camera_model_name"}
+
+
+@pytest.mark.parametrize(
+    "rigs",
+    [
+        *([], {}, [{"cameras": RIG}] * 2),
+        *([{"cameras": cameras}] for cameras in (RIG[1:], RIG[:1] * 2, [RIG[0], WITHOUT_MODEL])),
+    ],
+)
 def test_bad_rig_is_one_line(rigs, tmp_path, capsys):
     assert import_rig(tmp_path, rigs) == 1
     error = capsys.readouterr().err

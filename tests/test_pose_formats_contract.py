@@ -60,12 +60,12 @@ def test_table_in_the_documentation_is_that_of_the_registry():
 
 @KINDS
 @pytest.mark.parametrize("shift", [(0, 0, 0), (500000, 5200000, 400)])
-def test_known_poses_come_back(kind, shift, folders, tmp_path):
+def test_known_poses_come_back(kind, shift, folders, tmp_path, caplog):
     truth = pose_writers.make_poses(names_of(kind), shift=shift)
     path = WRITERS[kind].write(tmp_path, truth)
     assert find_format(path) == WRITERS[kind].form
     posed = read(kind, path, folders)
-    assert posed.origin is None
+    assert posed.origin is None and "not used" not in caplog.text
     assert {image.name for image in posed.images} == set(truth)
     camera = WRITERS[kind].camera or pose_writers.CAMERA
     tolerance = 1e-9 if not any(shift) else 1e-8

@@ -1,6 +1,7 @@
 """Kinds of files and situations that used to go wrong: each gives right poses, or a line that names what is wrong."""
 
 import json
+import math
 
 import numpy as np
 import PIL.Image
@@ -277,6 +278,78 @@ def test_columns_that_are_not_understood_are_named(header, message, tmp_path):
 def test_columns_that_are_not_used_are_named(tmp_path, caplog):
     path = table(tmp_path, "a.csv", "name,x,y,z,qw,qx,qy,qz,score,iso", [("a.jpg", [1, 2, 3, 1, 0, 0, 0, 9, 100])])
     assert len(read(path).images) == 1 and "columns that are not used: score, iso" in caplog.text
+
+
+UNUSED = {
+    "transforms": (pose_writers.transforms, '"frames": [', '"pose_type": "w2c", "frames": [', "pose_type"),
+    "a frame of transforms": (pose_writers.transforms, '{"file_path"', '{"crop": [0, 0, 9, 9], "file_path"', "crop"),
+    "record3d": (pose_writers.record3d, '"fps"', '"crop": [0, 0, 9, 9], "fps"', "crop"),
+    "splatting": (pose_writers.splatting, '"id"', '"pose_type": "w2c", "id"', "pose_type"),
+    "a shot of opensfm": (
+        pose_writers.opensfm,
+        '"rotation"',
+        '"orientation": 6, "pose_type": 1, "rotation"',
+        "pose_type",
+    ),
+    "a camera of opensfm": (pose_writers.opensfm, '"width"', '"aspect_ratio": 1.1, "width"', "aspect_ratio"),
+    "shots.geojson": (pose_writers.odm_shots, '"rotation"', '"pose_type": 1, "rotation"', "pose_type"),
+    "metashape": (pose_writers.metashape, "<f>", "<crop>1</crop><f>", "crop"),
+    "blocks": (pose_writers.blocks_exchange, "<Photo>", "<Photo><Crop>1</Crop>", "Crop"),
+}
+
+
+@pytest.mark.parametrize("kind", UNUSED)
+def test_keys_that_are_not_used_are_named(kind, tmp_path, caplog):
+    """One line, also for many photos; what has nothing to do with poses, and what is not set, is not named."""
+    write, before, after, named = UNUSED[kind]
+    path = write(tmp_path, truth := make_poses(["a.jpg", "b.jpg"]))
+    folder = write_named(tmp_path / "photos", truth if kind != "record3d" else ["0.jpg", "1.jpg"])
+    read(path, folder)
+    assert "not used" not in caplog.text
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after))
+    assert len(read(path, folder, camera=None).images) == 2
+    lines = [record.message for record in caplog.records if "not used" in record.message]
+    assert len(lines) == 1 and lines[0].endswith(f"keys that are not used: {named}")
+
+
+def test_an_angle_of_view_that_contradicts_the_focal_length_is_named(tmp_path, caplog):
+    path = pose_writers.transforms(tmp_path, truth := make_poses(["a.jpg", "b.jpg"]))
+    text = path.read_text()
+    right = 2 * math.atan(pose_writers.WIDTH / 2 / pose_writers.FX)
+    for angle, message in ((f"{right:.3f}", None), (1.1 * right, "not used: camera_angle_x, which contradicts the")):
+        path.write_text(text.replace('"fl_x"', f'"camera_angle_x": {angle}, "fl_x"'))
+        posed = read(path, camera=None)
+        assert_poses(posed, truth)
+        assert posed.images[0].camera.params[0] == pose_writers.FX
+        assert (message or "") in caplog.text and (message is not None) == ("not used" in caplog.text)
+
+
+@pytest.mark.parametrize(
+    ("head", "own", "message"),
+    [
+        ("NVM_V3", "500 {} 0.1 0", "has no FixedK: principal points are taken to be in the middle of the photos"),
+        ("NVM_V3 FixedK 500 320 500 240 0.1", "500 {} 0 0", None),
+        ("NVM_V3 FixedK 500 320 500 240 0.1", "500.1 {} 0.1 0", None),
+        ("NVM_V3 FixedK 500 320 500 240 0", "500 {} 0.1 0", "of 1 of 1 cameras are not used, because they contradict"),
+        ("NVM_V3 FixedK 500 320 500 240 0", "600 {} 0 0", "of 1 of 1 cameras are not used, because they contradict"),
+    ],
+)
+def test_intrinsics_beside_those_of_visual_sfm(head, own, message, tmp_path, caplog):
+    caplog.set_level("INFO")
+    path = save(tmp_path, "model.nvm", f"{head}\n\n1\na.jpg\t{own.format('1 0 0 0 1 2 3')}\n\n0\n")
+    read(path, write_named(tmp_path / "photos", ["a.jpg"]), camera=None)
+    assert (message or "") in caplog.text
+    assert message is not None or "not used" not in caplog.text
+    caplog.clear()
+    read(path, camera=CAMERA)
+    assert not caplog.text
+
+
+def test_another_head_of_visual_sfm_is_refused(tmp_path):
+    with pytest.raises(InputError, match="begins with 'NVM_V3 fixed 500' instead of NVM_V3"):
+        read(save(tmp_path, "model.nvm", "NVM_V3 fixed 500\n\n0\n"))
 
 
 def test_trailing_separators(tmp_path):

@@ -11,11 +11,17 @@ from colmap_lazyloc.pose_formats.frames import Frame
 from colmap_lazyloc.pose_formats.geo import find_crs
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
-from colmap_lazyloc.pose_formats.text import read_xml
+from colmap_lazyloc.pose_formats.text import read_xml, report_unused
 
 CONVENTION = Convention("cam_from_world", rotation="matrix", vector="centre")
 ORIENTATIONS = {"XRightYDown": "opencv", "XRightYUp": "opengl"}
 DISTORTION = {"k1", "k2", "k3", "p1", "p2"}
+# Elements of photos and of their groups that are read, and those of names, places of files, EXIF, masks and depths.
+KNOWN = (
+    "name imagedimensions cameramodeltype cameramodelband focallength focallengthpixels sensorsize cameraorientation "
+    "principalpoint distortion aspectratio skew photo id imagepath pose component exifdata maskpath neardepth "
+    "mediandepth fardepth"
+)
 MATRIX = [f"M_{row}{column}" for row in range(3) for column in range(3)]
 
 
@@ -39,6 +45,8 @@ def parse(source: Source) -> RawPoses:
         return RawPose(rotation, centre, name, camera=source.camera or _camera(group))
 
     poses = each(photos, parse_photo, lambda item: item[1].findtext("ImagePath"))
+    elements = [*groups, *(photo for _, photo in photos)]
+    report_unused(source.path, [{child.tag: True for child in element} for element in elements], KNOWN)
     convention = dataclasses.replace(CONVENTION, camera_axes=ORIENTATIONS[orientation])
     return RawPoses(poses, _frame(root), convention)
 

@@ -5,9 +5,11 @@ import functools
 import re
 from collections.abc import Sequence
 
+import numpy as np
+
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera
+from colmap_lazyloc.pose_formats.cameras import MAX_ROUNDING, brown_camera
 from colmap_lazyloc.pose_formats.naming import clean
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
@@ -46,12 +48,16 @@ def parse(source: Source) -> RawPoses:
 def parse_nvm(source: Source) -> RawPoses:
     """Reads a model of VisualSFM: name, focal length, quaternion, centre, and a coefficient of each camera."""
     head, *lines = (line for _, line in read_entries(source.path))
-    words = head.split()
-    fixed = numbers(words[2:], 5) if words[1:2] == ["FixedK"] else None
+    kind, *words = head.split()
+    if kind != "NVM_V3" or words[:1] not in ([], ["FixedK"]):
+        raise ValueError(f"it begins with '{head[:60]}' instead of NVM_V3 or NVM_V3 FixedK fx cx fy cy r")
+    fixed = numbers(words[1:], 5) if words else None
+    given = []
 
     def parse_camera(line: str) -> RawPose:
         name, *values = line.rsplit(maxsplit=10)
         focal, w, x, y, z, *centre, r, _ = numbers(values, 10)
+        given.append((focal, r))
         fx, cx, fy, cy, r = fixed or (focal, None, focal, None, r)
         camera = functools.partial(_camera_of_visual_sfm, (fx, fy), (cx, cy), r)
         # VisualSFM writes quotes for blanks in names.
@@ -59,7 +65,24 @@ def parse_nvm(source: Source) -> RawPoses:
 
     count = int(lines[0])
     _warn_of_more_models(source, lines[1 + count :])
-    return RawPoses(each(lines[1 : 1 + count], parse_camera, lambda line: line.split()[0]))
+    poses = each(lines[1 : 1 + count], parse_camera, lambda line: line.split()[0])
+    if source.camera is None:
+        _report_intrinsics(source, fixed, given)
+    return RawPoses(poses)
+
+
+def _report_intrinsics(source: Source, fixed: Sequence[float] | None, given: Sequence[tuple[float, float]]) -> None:
+    """Says where principal points come from, and counts the cameras whose own focal length and distortion, `given`, are
+    not used."""
+    if fixed is None:
+        logger.info("%s: has no FixedK: principal points are taken to be in the middle of the photos", source.path)
+        return
+    own = np.reshape(given, (-1, 2))
+    # VisualSFM also writes 0 for a distortion that FixedK has.
+    is_used = (np.isclose(own, (fixed[0], fixed[4]), MAX_ROUNDING, 1e-6) | (own == 0)).all(axis=1)
+    if not is_used.all():
+        text = "%s: focal length and distortion of %d of %d cameras are not used, because they contradict FixedK"
+        logger.warning(text, source.path, np.sum(~is_used), len(own))
 
 
 def _warn_of_more_models(source: Source, lines: Sequence[str]) -> None:

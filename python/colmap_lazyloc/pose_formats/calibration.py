@@ -17,10 +17,15 @@ from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera
 from colmap_lazyloc.pose_formats.conventions import nearest_rotation
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, matrix_parts
-from colmap_lazyloc.pose_formats.text import numbers
+from colmap_lazyloc.pose_formats.text import numbers, report_unused
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.text_files import read_entries
 
+# What is read of EuRoC and of Kalibr, and what has nothing to do with the camera's pose on the body.
+KNOWN = (
+    "tbs cam0 tcamimu cameramodel intrinsics resolution distortionmodel distortioncoefficients distortioncoeffs "
+    "sensortype comment ratehz rostopic camoverlaps"
+)
 COLMAP_FROM_CENTRES = 0.5  # pixels
 
 
@@ -52,6 +57,7 @@ def _read_yaml(path: pathlib.Path) -> tuple[Camera, Pose]:
         data = yaml.safe_load(re.sub(r"\A%YAML:.*", "", path.read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError, yaml.YAMLError):
         raise InputError(f"--calibration {path}: is not a YAML file that can be read") from None
+    report_unused(path, [data, data.get("cam0")], KNOWN)
     if "T_BS" in data:  # EuRoC: the body from the sensor
         matrix = np.linalg.inv(np.reshape(numbers(data["T_BS"]["data"], 16), (4, 4)))
         return _camera(data, "distortion_coefficients"), _pose(matrix)

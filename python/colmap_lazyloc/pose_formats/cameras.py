@@ -11,6 +11,9 @@ MAX_IMAGE_SIZE = 1 << 20  # pixels; more is a mistake
 # What real cameras have; a photo that is a part of another one has its principal point far from its middle.
 FOCAL_LENGTHS = 0.05, 50.0  # relative to the longer side
 PRINCIPAL_POINTS = 0.02, 0.98  # relative to the width and the height
+MAX_ROUNDING = 2e-3  # relative, of a focal length that is also given as an angle
+# What named_camera reads, and the size of the photos.
+CAMERA_NAMES = "w h fx fy flx fly cx cy cameraanglex cameraangley cameramodel isfisheye k1 k2 k3 k4 k5 k6 p1 p2"
 COEFFICIENT = re.compile(r"[bkpst]\d|s[xy]\d+|skew|xi")
 PERSPECTIVE = ("OPENCV", "FULL_OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE")
@@ -109,6 +112,17 @@ def named_camera(values: Mapping[str, Any], size: tuple[int, int]) -> Camera:
     if model not in PERSPECTIVE:
         raise ValueError(f"the camera model {model} is not supported")
     return brown_camera(size, focal, centre, (k1, k2, k3, k4), tangential)
+
+
+def contradicted_angles(values: Mapping[str, Any], size: tuple[int, int]) -> dict[str, float]:
+    """Returns the angles of view that named_camera does not use, because there is another focal length."""
+    found = {}
+    for axis, length in zip("xy", size):
+        name = f"cameraangle{axis}"
+        used, other = _focal(values, axis, length), _focal({name: values.get(name)}, axis, length)
+        if used and other and abs(other / used - 1) > MAX_ROUNDING:
+            found[f"camera_angle_{axis}, which contradicts the focal length"] = values[name]
+    return found
 
 
 def size_of(values: Mapping[str, Any]) -> tuple[int, int] | None:

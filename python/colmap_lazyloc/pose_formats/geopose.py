@@ -12,7 +12,7 @@ from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, Frame
 from colmap_lazyloc.pose_formats.naming import files_by_name, inside
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
-from colmap_lazyloc.pose_formats.text import read_json
+from colmap_lazyloc.pose_formats.text import read_json, report_unused
 
 QUATERNION = ("quaternion", ("x", "y", "z", "w"))
 ANGLES = ("angles", ("yaw", "pitch", "roll"))
@@ -25,14 +25,19 @@ Rotation = tuple[str, tuple[str, ...]]  # the name of an object, and those of it
 def parse(source: Source, rotation: Rotation) -> RawPoses:
     """Reads a folder of poses, or one; the names of photos are those of the files without their endings."""
 
+    given = []
+
     def parse_file(file: tuple[str, pathlib.Path]) -> RawPose:
         name, path = file
         values: dict[str, Any] = read_json(path)
+        given.append(values)
         turn = [float(values[rotation[0]][name]) for name in rotation[1]]
         position = [float(values["position"][name]) for name in POSITION]
         return RawPose(turn, position, name, camera=source.camera)
 
-    return RawPoses(each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name), Frame(GEOGRAPHIC))
+    poses = each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name)
+    report_unused(source.path, given, f"position {rotation[0]} validtime")
+    return RawPoses(poses, Frame(GEOGRAPHIC))
 
 
 def write(path: pathlib.Path, raw: RawPoses, rotation: Rotation) -> None:

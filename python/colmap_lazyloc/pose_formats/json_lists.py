@@ -5,15 +5,21 @@ from typing import Any
 
 import numpy as np
 
-from colmap_lazyloc.pose_formats.cameras import brown_camera, named_camera
+from colmap_lazyloc.pose_formats.cameras import CAMERA_NAMES, brown_camera, named_camera
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
-from colmap_lazyloc.pose_formats.text import numbers, read_json, simple_name
+from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused, simple_name
+
+# Keys that are read, and those of depth maps, times and qualities of photos.
+RECORD3D = "w h k fps poses perframeintrinsiccoeffs frametimestamps initpose cameratype dw dh"
+POLYCAM = f"width height timestamp blurscore centerdepth manualkeyframe neighbors {CAMERA_NAMES}"
+SPLATTING = f"id imgname width height position rotation {CAMERA_NAMES}"
 
 
 def parse_record3d(source: Source) -> RawPoses:
     """Reads metadata.json of Record3D: quaternions and positions of the frames; a matrix K by columns."""
     data = read_json(source.path)
+    report_unused(source.path, [data], RECORD3D)
     size = round(float(data["w"])), round(float(data["h"]))
     k = np.reshape(numbers(data["K"], 9), (3, 3)).T
     of_all = [k[0, 0], k[1, 1], k[0, 2], k[1, 2]]
@@ -30,14 +36,18 @@ def parse_record3d(source: Source) -> RawPoses:
 
 def parse_polycam(source: Source) -> RawPoses:
     """Reads a folder of keyframes, which have the names of their photos."""
+    given = []
 
     def parse_keyframe(path: pathlib.Path) -> RawPose:
         values = {simple_name(name): value for name, value in read_json(path).items()}
-        matrix = [values[f"t{row}{column}"] for row in range(3) for column in range(4)]
+        matrix = [values.pop(f"t{row}{column}") for row in range(3) for column in range(4)]
+        given.append(values)
         size = int(values["width"]), int(values["height"])
         return RawPose(*matrix_parts(matrix), path.stem, camera=source.camera or named_camera(values, size))
 
-    return RawPoses(each(sorted(source.path.glob("*.json")), parse_keyframe, lambda path: path.name))
+    poses = each(sorted(source.path.glob("*.json")), parse_keyframe, lambda path: path.name)
+    report_unused(source.path, given, POLYCAM)
+    return RawPoses(poses)
 
 
 def parse_splatting(source: Source) -> RawPoses:
@@ -49,4 +59,7 @@ def parse_splatting(source: Source) -> RawPoses:
         camera = source.camera or named_camera(named, size)
         return RawPose(values["rotation"], values["position"], str(values["img_name"]), camera=camera)
 
-    return RawPoses(each(read_json(source.path), parse_camera))
+    cameras = read_json(source.path)
+    poses = each(cameras, parse_camera)
+    report_unused(source.path, cameras, SPLATTING)
+    return RawPoses(poses)

@@ -12,6 +12,7 @@ import numpy as np
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import (
+    CAMERA_NAMES,
     FISHEYE_KIND,
     PERSPECTIVE_KIND,
     SPHERICAL_KIND,
@@ -27,7 +28,7 @@ from colmap_lazyloc.pose_formats.frames import Frame, Similarity
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs, from_geodetic
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
-from colmap_lazyloc.pose_formats.text import numbers, read_json
+from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused
 from colmap_lazyloc.text_files import read_lines
 
 TOPOCENTRIC = "reconstruction.topocentric.json"
@@ -37,6 +38,13 @@ TYPES = {  # with the coefficients that a camera of this type must have
     FISHEYE_KIND: ("fisheye_opencv", "k1 k2 k3 k4"),
     SPHERICAL_KIND: ("spherical", ""),
 }
+# Keys that are read, and those of points, meshes, GPS and rigs beside the poses. Poses are those of photos as they are
+# stored, whatever their orientation.
+KNOWN = (
+    "cameras shots points referencella biases rigcameras riginstances rotation translation camera orientation "
+    "capturetime gpsdop gpsposition gpsaccuracy compass gravity skey sequencekey vertices faces scale covariance "
+    f"mergecc projectiontype width height focal focalx focaly focalprior k1prior k2prior filename {CAMERA_NAMES}"
+)
 MAX_NUM_TRIED = 5  # photos, for the zone of UTM
 MAX_GRID_ERROR_M = 5.0  # between the two positions of a photo in shots.geojson
 
@@ -62,7 +70,9 @@ def parse(source: Source) -> RawPoses:
         rotation, translation = numbers(values["rotation"], 3), numbers(values["translation"], 3)
         return RawPose(rotation, translation, name, camera=camera, similarity=similarity)
 
-    return RawPoses(each(largest["shots"].items(), parse_shot, lambda shot: shot[0]), frame)
+    poses = each(largest["shots"].items(), parse_shot, lambda shot: shot[0])
+    report_unused(path, [largest, *largest["shots"].values(), *(largest.get("cameras") or {}).values()], KNOWN)
+    return RawPoses(poses, frame)
 
 
 def text(raw: RawPoses) -> str:
@@ -179,7 +189,9 @@ def parse_shots(source: Source) -> RawPoses:
         camera = camera_of_all or _camera(values)
         return RawPose(values["rotation"], values["translation"], str(values["filename"]), camera=camera)
 
-    return RawPoses(each(features, parse_feature), Frame(grid))
+    poses = each(features, parse_feature)
+    report_unused(source.path, [item.get("properties") for item in features if isinstance(item, dict)], KNOWN)
+    return RawPoses(poses, Frame(grid))
 
 
 def _only_camera(path: pathlib.Path) -> Camera | None:

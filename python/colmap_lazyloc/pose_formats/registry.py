@@ -235,7 +235,7 @@ FORMATS: dict[str, Format] = {
         bundler.parse_nvm,
         lambda f: f.starts("NVM_V3"),
         Convention(FROM_WORLD, vector="centre"),
-        cameras="focal length, distortion, FixedK",
+        cameras="FixedK, or focal length and distortion, with the principal point in the middle",
     ),
     "cambridge": Format(
         "Cambridge Landmarks: the folder of a scene, or dataset_train.txt",

@@ -61,6 +61,8 @@ class Rig:
 
 def _read_camera(entry: Mapping[str, Any]) -> RigCamera:
     pose = None
+    if ("camera_model_name" in entry) != ("camera_params" in entry):
+        raise ValueError("a camera has camera_model_name or camera_params, but both are needed")
     if not entry.get("ref_sensor"):
         rotation = quaternion_rotation(numbers(entry["cam_from_rig_rotation"], 4))
         pose = Pose.from_matrix(rotation, numbers(entry["cam_from_rig_translation"], 3))

@@ -9,6 +9,7 @@ import io
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import (
+    CAMERA_NAMES,
     PERSPECTIVE_KIND,
     both,
     brown_camera,
@@ -52,10 +53,7 @@ REALITY_CAPTURE = ("#name", "x", "y", "alt", "heading", "pitch", "roll", "f", "p
 IN_PIXELS = {"f", "fx", "fy", "flx", "fly", "cx", "cy"}
 ROTATION_MATRIX = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))  # of Metashape, beside angles
 ALIASES = {"width": "w", "height": "h", "heightpx": "h", "f": "fx", "model": "cameramodel"}
-CAMERA_COLUMNS = (
-    *("w", "h", "fx", "fy", "flx", "fly", "cx", "cy", "cameraanglex", "cameraangley", "cameramodel", "isfisheye"),
-    *("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", *ALIASES),
-)
+CAMERA_COLUMNS = (*CAMERA_NAMES.split(), *ALIASES)
 
 
 def parse(source: Source) -> RawPoses:

@@ -6,7 +6,7 @@ import math
 import pathlib
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -128,10 +128,7 @@ class Table:
 
     def report_unused(self, used: Sequence[str] = ()) -> None:
         """Names the columns that nobody has looked for, and that are not among those used."""
-        known = self._used.union(used)
-        unused = [title for title, column in zip(self.titles, self.columns) if column and column not in known]
-        if unused:
-            logger.warning("%s: columns that are not used: %s", self.path, ", ".join(unused)[:300])
+        report_unused(self.path, [dict(zip(self.titles, self.titles))], " ".join(self._used.union(used)), "columns")
 
 
 class Row:
@@ -184,6 +181,19 @@ class Row:
 def simple_name(text: str) -> str:
     """Returns the name of a column without case, blanks, underscores and units."""
     return re.sub(r"\[.*?\]|\(.*?\)|[\s_#\"]", "", text).lower()
+
+
+def report_unused(path: pathlib.Path | str, items: Iterable[Any], known: str, kind: str = "keys") -> None:
+    """Names the keys of objects that nobody reads, unless their values are empty, false or 0.
+
+    `known`: the simple names of the keys that are read, and of others that change neither poses nor intrinsics.
+    """
+    objects = (item for item in items if isinstance(item, Mapping))
+    names = dict.fromkeys(name for item in objects for name, value in item.items() if value)
+    simple_names = known.split()
+    unused = [name for name in names if simple_name(name) not in simple_names]
+    if unused:
+        logger.warning("%s: %s that are not used: %s", path, kind, ", ".join(unused)[:300])
 
 
 def _unit_of(title: str) -> str:

@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import (
+    CAMERA_NAMES,
     FISHEYE_KIND,
     PERSPECTIVE_KIND,
     SPHERICAL_KIND,
     coefficients,
+    contradicted_angles,
     named_camera,
     size_of,
 )
@@ -22,17 +24,24 @@ from colmap_lazyloc.pose_formats.conventions import nearest_rotation
 from colmap_lazyloc.pose_formats.frames import Similarity
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, RawPose, RawPoses, each, matrix_parts, reason_of
-from colmap_lazyloc.pose_formats.text import numbers, read_json, simple_name
+from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused, simple_name
 
 HOLDS = {PERSPECTIVE_KIND: "fy k1 k2 k3 p1 p2", FISHEYE_KIND: "fy k1 k2 k3 k4", SPHERICAL_KIND: ""}
 MODELS = {PERSPECTIVE_KIND: "OPENCV", FISHEYE_KIND: "OPENCV_FISHEYE", SPHERICAL_KIND: "EQUIRECTANGULAR"}
 DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
 APPLIED = "applied_transform", "applied_scale"  # from the coordinates before nerfstudio has turned them
+# Keys that are read, those of depth maps, of the space that a training fills, and of what photos have beside poses.
+KNOWN = (
+    "frames filepath transformmatrix rotation distortionparams appliedtransform appliedscale depthfilepath depthpath "
+    "integerdepthscale enabledepthloading plyfilepath aabbscale renderaabb scale offset up time timestamp sharpness "
+    "orientationoverride autoscaleposesoverride trainfilenames valfilenames testfilenames colmapimid " + CAMERA_NAMES
+)
 DATAPARSER = "transform", "scale"  # of dataparser_transforms.json: from the same coordinates to those of a training
 
 
 def parse(source: Source) -> RawPoses:
     data = read_json(source.path)
+    contradicted: dict[str, float] = {}
 
     def parse_frame(frame: dict[str, Any]) -> RawPose:
         # Intrinsics stand in the frame or next to the frames.
@@ -41,10 +50,13 @@ def parse(source: Source) -> RawPoses:
         camera: Any = functools.partial(named_camera, values)
         if size is not None and source.camera is None:
             camera = camera(size)
+            contradicted.update(contradicted_angles(values, size))
         rotation, vector = matrix_parts(frame["transform_matrix"])
         return RawPose(rotation, vector, str(frame["file_path"]), camera=camera)
 
-    return RawPoses(each(data["frames"], parse_frame))
+    poses = each(data["frames"], parse_frame)
+    report_unused(source.path, [data, *data["frames"], contradicted], KNOWN)
+    return RawPoses(poses)
 
 
 def _values(data: dict[str, Any]) -> dict[str, Any]:

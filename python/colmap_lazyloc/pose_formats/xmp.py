@@ -18,7 +18,7 @@ from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
 from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.pose_formats.table import FILM_COEFFICIENTS, film_camera, film_values
-from colmap_lazyloc.pose_formats.text import numbers, read_xml, words
+from colmap_lazyloc.pose_formats.text import numbers, read_xml, report_unused, words
 
 ENDING = ".xmp"
 XCR = "http://www.capturingreality.com/ns/xcr/1.1#"
@@ -28,6 +28,12 @@ ROTATION, POSITION, COEFFICIENTS = "Rotation", "Position", "DistortionCoeficient
 INTRINSICS = {"f": "FocalLength35mm", "px": "PrincipalPointU", "py": "PrincipalPointV"}  # by their names in the table
 MODELS = ("perspective", "brown3", "brown3t2", "brown4", "brown4t2")
 FIXED = {"Skew": 0.0, "AspectRatio": 1.0}  # what COLMAP's camera models lack
+# What is read, and the priors, groups and uses of a photo in a project.
+KNOWN = (
+    "rotation position distortioncoeficients focallength35mm principalpointu principalpointv skew aspectratio "
+    "distortionmodel xmpmeta xmptk rdf description about version poseprior coordinates calibrationprior "
+    "calibrationgroup distortiongroup intexturing incoloring inmeshing componentid latitude longitude altitude"
+)
 
 
 def is_one(head: Head) -> bool:
@@ -39,16 +45,21 @@ def is_one(head: Head) -> bool:
 def parse(source: Source) -> RawPoses:
     """Reads a folder of files, or one; the names of photos are those of the files without their endings."""
 
+    given = []
+
     def parse_file(file: tuple[str, pathlib.Path]) -> RawPose:
         name, path = file
         values = _values(path)
+        given.append(values)
         camera = None
         if source.camera is None and INTRINSICS["f"] in values:
             camera = functools.partial(film_camera, _film(values))
         rotation = np.reshape(numbers(values[ROTATION], 9), (3, 3))
         return RawPose(rotation, numbers(values[POSITION], 3), name, camera=camera)
 
-    return RawPoses(each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name))
+    poses = each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name)
+    report_unused(source.path, given, KNOWN)
+    return RawPoses(poses)
 
 
 def _values(path: pathlib.Path) -> dict[str, str]:
