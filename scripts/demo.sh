@@ -37,7 +37,7 @@ make_database() {
   touch "$stamp"
 }
 
-BUILD_TARGETS=program scripts/setup.sh
+BUILD_TARGETS="program lazyloc_python" scripts/setup.sh
 mkdir -p "$DEMO_DIR"
 : > "$LOG"
 scripts/lazyloc demo --output_path "$DEMO_DIR"
