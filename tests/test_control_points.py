@@ -114,8 +114,12 @@ AXES = ("east_m", "north_m", "up_m")
 
 
 def test_latitude_and_longitude(run, capsys):
-    tables = run.tables(geographic(run), "point,latitude,longitude,height")
+    places = {**geographic(run), "no fix": (0, 0, 0)}
+    tables = run.tables(places, "point,latitude,longitude,height")
+    assert main(["control_points", str(run.results), *map(str, tables), "--crs", "EPSG:32632"]) == 1
+    assert "--crs has no effect" in capsys.readouterr().err
     assert_shift_found(*run.compare(capsys, *tables), AXES)
+    assert "points that are not on the Earth, or 0, 0: no fix" in run.lines
 
 
 def grid(run, crs="EPSG:32632"):
@@ -191,7 +195,11 @@ def test_output(run, capsys):
 def test_bad_items_are_left_out(run, capsys):
     points, marks = run.tables()
     marks.write_text(marks.read_text() + "old0.jpg,P1,x,3\nquery/lost.jpg,P1,3,4\nnobody.jpg,P9,3,4\n")
+    points.write_text(points.read_text() + "P1,0,0,0\nP9,nan,0,0\n")
+    marks.write_text(marks.read_text() + "old0.jpg,P1,700,20\nold1.jpg,P1,inf,20\n")
     assert_shift_found(*run.compare(capsys, points, marks))
+    assert "points.csv: left out: line 6 (point 'P1' is at another place before), line 7 (there is no x)" in run.lines
+    assert "the mark of 'P1' is outside of old0.jpg (640 x 480 pixels)" in run.lines
     assert "marks.csv: left out: line 22 (expected a number, found 'x')" in run.lines
     assert "2 photos with marks have no pose: nobody.jpg, query/lost.jpg" in run.lines
 
@@ -214,6 +222,12 @@ def test_bad_items_are_left_out(run, capsys):
         (["EPSG:99999", "1 2 3 4 5 old0.jpg"], [], "EPSG:99999"),
         (["<document><chunk><marker"], [], "is not XML: it is damaged or cut off"),
         ([], [], "has no rows"),
+        (["<document/>"], [], "is XML of an unknown kind"),
+        (
+            ["photo,point,x,y", "old0.jpg,P1,3,4"],
+            ["--output", "no/folder"],
+            "--output no/folder: ",
+        ),
     ],
 )
 def test_bad_files(run, lines, words, message, capsys):

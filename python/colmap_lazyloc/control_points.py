@@ -105,7 +105,10 @@ def read_photos(folder: pathlib.Path) -> tuple[dict[str, Photo], GeoOrigin | Non
 
 
 def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> tuple[dict[tuple[str, str], list[View]], list[str]]:
-    """Returns the marks in photos with poses by point and set of photos, and the names of the other photos."""
+    """Returns the marks in photos with poses by point and set of photos, and the names of the other photos.
+
+    Names marks that are outside of their photo, and leaves them out.
+    """
     names = sorted({mark.photo for mark in marks})
     found = Names.among(names, sorted(photos))
     if found.ambiguous:
@@ -117,6 +120,9 @@ def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> tuple[dict[tu
         photo = photo_of.get(mark.photo)
         if photo is None or photo.camera is None or photo.pose is None:
             missing.add(mark.photo)
+        elif not (0 <= mark.pixel[0] <= photo.camera.width and 0 <= mark.pixel[1] <= photo.camera.height):
+            size = f"{photo.camera.width} x {photo.camera.height}"
+            logger.warning("the mark of '%s' is outside of %s (%s pixels)", mark.point, mark.photo, size)
         else:
             views.setdefault((mark.point, photo.set_name), []).append(View(mark, photo.camera, photo.pose))
     return views, sorted(missing)
@@ -244,7 +250,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.output is None:
         print(text)
     else:
-        options.output.write_text(text)
+        try:
+            options.output.write_text(text)
+        except OSError as error:
+            raise InputError(f"--output {options.output}: cannot be written: {error.strerror}") from None
     print("\n".join(summary(residuals, "units" if origin is None else "m")))
 
 

@@ -16,7 +16,7 @@ from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs
 from colmap_lazyloc.pose_formats.opensfm import grid_name
 from colmap_lazyloc.pose_formats.positions import GEODETIC
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, errors_named, reason_of
-from colmap_lazyloc.pose_formats.signatures import Head
+from colmap_lazyloc.pose_formats.signatures import Head, foreign
 from colmap_lazyloc.pose_formats.table import CENTRE, LATITUDE, LONGITUDE, NAME
 from colmap_lazyloc.pose_formats.text import Row, Table, numbers, read_xml, split
 from colmap_lazyloc.poses import Pose
@@ -50,6 +50,16 @@ class ControlPoints:
     points: dict[str, Sequence[float]] = dataclasses.field(default_factory=dict)
     frame: Frame = NO_FRAME
 
+    def add_point(self, name: str, place: Sequence[float]) -> None:
+        """Adds a point; a second one of the same name must be at the same place."""
+        _check_finite(place)
+        if list(self.points.setdefault(name, place)) != list(place):
+            raise ValueError(f"point '{name}' is at another place before")
+
+    def add_mark(self, photo: str, point: str, pixel: Sequence[float]) -> None:
+        _check_finite(pixel)
+        self.marks.append(Mark(photo, point, (pixel[0], pixel[1])))
+
     def in_model(self, origin: GeoOrigin | None) -> dict[str, Floats]:
         """Returns the points in the coordinates of a model, whose origin is on the Earth if it has one."""
         if self.frame.is_geographic and origin is None:
@@ -66,6 +76,9 @@ class ControlPoints:
         known place are returned as they are."""
         poses = [Pose.from_centre(np.eye(3), np.array(place, float)) for place in self.points.values()]
         placed, origin = self.frame.to_local(poses, origin) if poses else ([], origin)
+        lost = [name for name, pose in zip(self.points, placed) if pose is None]
+        if lost:
+            logger.warning("points that are not on the Earth, or 0, 0: %s", ", ".join(lost))
         return {name: pose.cam_in_world for name, pose in zip(self.points, placed) if pose is not None}, origin
 
 
@@ -78,6 +91,8 @@ def read_control_points(paths: Sequence[pathlib.Path], crs: str | None = None) -
     for path in paths:
         with errors_named(path):
             _read(path, found)
+    if crs is not None and found.frame.crs != crs:
+        raise InputError("--crs has no effect: the files have their own reference system")
     if not found.marks:
         raise InputError(f"{paths[0]}: there are no marks of points in photos: expected are {EXPECTED}")
     return found
@@ -85,11 +100,15 @@ def read_control_points(paths: Sequence[pathlib.Path], crs: str | None = None) -
 
 def _read(path: pathlib.Path, found: ControlPoints) -> None:
     """Adds what a file has."""
+    if not path.is_file():
+        raise InputError("is not a file")
     head = Head(path)
     if head.xml("<marker"):
         _read_metashape(path, found)
     elif odm_geo.has_header(head):
         _read_odm(path, found)
+    elif b"\0" in head.data or head.text[:1] in ("<", "{", "["):
+        raise InputError(f"{foreign(head)}: expected are {EXPECTED}")
     else:
         has_no_header = head.count_numbers(split(head.first_line, head.first_line)[-2:]) > 0
         _read_table(Table(path, (MARKS_LAYOUT,) if has_no_header else ()), found)
@@ -109,8 +128,8 @@ def _read_odm(path: pathlib.Path, found: ControlPoints) -> None:
         if len(words) < 6:
             raise ValueError("there is no photo")
         name = words[6] if len(words) > 6 else names.setdefault((x, y, z), str(len(names) + 1))
-        found.points[name] = x, y, z
-        found.marks.append(Mark(words[5], name, (px + ODM_CORNER, py + ODM_CORNER)))
+        found.add_point(name, (x, y, z))
+        found.add_mark(words[5], name, (px + ODM_CORNER, py + ODM_CORNER))
 
     found.frame = _frame(grid_name(header))
     _each(path, lines, lambda entry: parse(entry[1]), lambda entry: f"line {entry[0]}")
@@ -128,15 +147,14 @@ def _read_metashape(path: pathlib.Path, found: ControlPoints) -> None:
         labels[marker.get("id")] = marker.get("label", "")
         place = marker.find("reference")
         if place is not None and {"x", "y", "z"} <= set(place.keys()):
-            found.points[marker.get("label", "")] = numbers([place.get(axis) for axis in "xyz"], 3)
+            found.add_point(marker.get("label", ""), numbers([place.get(axis) for axis in "xyz"], 3))
     system = (chunk.findtext("reference") or "").strip()
     if system and not system.startswith("LOCAL_CS"):
         found.frame = _frame(system)
 
     def parse(item: tuple[str, ET.Element]) -> None:
         name, location = item
-        x, y = numbers([location.get(axis) for axis in "xy"], 2)
-        found.marks.append(Mark(photos[location.get("camera_id")], name, (x, y)))
+        found.add_mark(photos[location.get("camera_id")], name, numbers([location.get(axis) for axis in "xy"], 2))
 
     items = [
         (labels.get(marker.get("marker_id"), ""), location)
@@ -159,13 +177,17 @@ def _read_table(table: Table, found: ControlPoints) -> None:
 
     def parse(row: Row) -> None:
         if is_of_marks:
-            x, y = row.numbers(*PIXEL)
-            found.marks.append(Mark(row.text(NAME), row.text(POINT), (x, y)))
+            found.add_mark(row.text(NAME), row.text(POINT), row.numbers(*PIXEL))
         else:
-            found.points[row.text(point)] = row.numbers(*vector)
+            found.add_point(row.text(point), row.numbers(*vector))
 
     _each(table.path, table.rows(), parse, lambda row: row.label)
     table.report_unused()
+
+
+def _check_finite(values: Sequence[float]) -> None:
+    if not np.all(np.isfinite(values)):
+        raise ValueError("a number is not finite")
 
 
 def _frame(crs: str) -> Frame:
