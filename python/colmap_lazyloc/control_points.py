@@ -157,7 +157,9 @@ def compare(views: dict[tuple[str, str], list[View]], surveyed: dict[str, Floats
         errors = [np.nan if target is None else float(np.linalg.norm(view.error_px(target))) for view in seen]
         error = None if place is None or known is None else place - known
         residuals.append(Residual(point, set_name, place, error, np.array(errors)))
-    limit = max(WRONG_PX, WRONG_RATIO * float(np.nanmedian(np.concatenate([each.errors_px for each in residuals]))))
+    errors_px = np.concatenate([each.errors_px for each in residuals])
+    known_px = errors_px[np.isfinite(errors_px)]
+    limit = max(WRONG_PX, WRONG_RATIO * float(np.median(known_px))) if len(known_px) else np.inf
     for residual, seen in zip(residuals, views.values()):
         for view, error_px in zip(seen, residual.errors_px):
             if error_px > limit:

@@ -108,7 +108,7 @@ def _read(path: pathlib.Path, found: ControlPoints) -> None:
     elif odm_geo.has_header(head):
         _read_odm(path, found)
     elif b"\0" in head.data or head.text[:1] in ("<", "{", "["):
-        raise InputError(f"{foreign(head)}: expected are {EXPECTED}")
+        raise InputError(f"{(foreign(head) or 'is unknown').partition(':')[0]}: expected are {EXPECTED}")
     else:
         has_no_header = head.count_numbers(split(head.first_line, head.first_line)[-2:]) > 0
         _read_table(Table(path, (MARKS_LAYOUT,) if has_no_header else ()), found)
