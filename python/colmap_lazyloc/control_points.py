@@ -26,20 +26,19 @@ import pycolmap
 import scipy.optimize
 
 from colmap_lazyloc.array_types import Floats
-from colmap_lazyloc.errors import InputError, Parser, command, logger
+from colmap_lazyloc.errors import InputError, Parser, command, first_names, logger
 from colmap_lazyloc.model import Camera, read_model
-from colmap_lazyloc.pose_formats.control_points import Mark, read_control_points
+from colmap_lazyloc.pose_formats.control_points import MAX_NUM_NAMED, Mark, read_control_points
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.naming import Names, natural_key
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.pycolmap_types import image_from_cam, to_pycolmap_camera, to_rigid3d
-from colmap_lazyloc.results import RESULTS, find_run, pose_of, read_results
+from colmap_lazyloc.results import MODEL, RESULTS, find_run, pose_of, read_results
 
 MIN_ANGLE_DEG = 1.5  # between the rays of a point, as in COLMAP's mapper
 LOSS_PX = 2.0  # errors of marks that are larger have less weight
 WRONG_PX, WRONG_RATIO = 10.0, 5.0  # an error that is larger, and larger than that many medians, is named
 DATABASE, NEW = "database", "new"
-MODEL = "model"
 COLUMNS = ("point", "photos", "marks", "dx", "dy", "dz", "error_px")
 GEOGRAPHIC_COLUMNS = ("point", "photos", "marks", "east_m", "north_m", "up_m", "error_px")
 
@@ -85,23 +84,16 @@ class Residual:
 def read_photos(folder: pathlib.Path) -> tuple[dict[str, Photo], GeoOrigin | None]:
     """Reads the photos of a run or of a model by name, and the origin of their frame."""
     run = find_run(folder)
-    if run.results is None:
-        model = read_model(folder)
-        images = model.images.items()
-        return {name: Photo(DATABASE, model.cameras[image.camera_id], image.pose) for name, image in images}, (
-            GeoOrigin.read(folder)
-        )
-    results = read_results(run.results / RESULTS)
+    results = {} if run.results is None else read_results(run.results / RESULTS)
+    last = folder if run.results is None else run.results / MODEL
     photos = {name: Photo(NEW) for name in results}
-    model_path = run.results / MODEL
-    for path in [model_path] if run.project is None else [run.project.model, model_path]:
+    for path in [last] if run.results is None or run.project is None else [run.project.model, last]:
         model = read_model(path)
         for name, image in model.images.items():
             if name not in results or pose_of(results[name]) is not None:
-                photos[name] = Photo(
-                    NEW if name in results else DATABASE, model.cameras[image.camera_id], image.cam_from_world
-                )
-    return photos, GeoOrigin.read(model_path)
+                set_name = NEW if name in results else DATABASE
+                photos[name] = Photo(set_name, model.cameras[image.camera_id], image.cam_from_world)
+    return photos, GeoOrigin.read(last)
 
 
 def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> tuple[dict[tuple[str, str], list[View]], list[str]]:
@@ -244,8 +236,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not views:
         raise InputError(f"{options.files[-1]}: no mark is in a photo of {options.results} that has a pose")
     if missing:
-        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        logger.warning("%d photos with marks have no pose: %s%s", len(missing), ", ".join(missing[:3]), more)
+        logger.warning("%d photos with marks have no pose: %s", len(missing), first_names(missing, MAX_NUM_NAMED))
     residuals = compare(views, control.in_model(origin))
     residuals.sort(key=lambda residual: (natural_key(residual.point), residual.set_name))
     text = table(residuals, COLUMNS if origin is None else GEOGRAPHIC_COLUMNS)

@@ -143,6 +143,12 @@ class Parser(argparse.ArgumentParser):
                 raise InputError(f"unknown option {name}{nearest(name, known)}")
 
 
+def first_names(names: Sequence[str], count: int) -> str:
+    """Returns the first of some names, and how many more there are."""
+    more = len(names) - count
+    return ", ".join(names[:count]) + (f" and {more} more" if more > 0 else "")
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Returns what an error about an unknown name ends with: the nearest known one, or nothing."""
     near = difflib.get_close_matches(name, list(known), 1)

@@ -25,9 +25,7 @@ from colmap_lazyloc.pose_formats.transforms_json import read_frame
 from colmap_lazyloc.pose_formats.writing import Target, check_path
 from colmap_lazyloc.report.output import replacing
 from colmap_lazyloc.result_fields import ResultFields
-from colmap_lazyloc.results import RESULTS, find_results, pose_of, read_results
-
-MODEL = "model"
+from colmap_lazyloc.results import MODEL, RESULTS, find_results, pose_of, read_results
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:

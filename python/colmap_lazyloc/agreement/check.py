@@ -14,7 +14,7 @@ from colmap_lazyloc.agreement.explain import AGREEING_PX, MAX_ROTATION_DEG, MOVE
 from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, MatchedPair, pairs_of_database
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.database import DatabaseReader
-from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
@@ -46,14 +46,8 @@ class Judgement:
         """Returns the line, and one that names images, if there are any."""
         if not self.contradicted:
             return [self.line]
-        names = _first(self.contradicted, MAX_NUM_NAMED)
+        names = first_names(self.contradicted, MAX_NUM_NAMED)
         return [self.line, f"but these contradict the others, by their poses or by wrong matches: {names}"]
-
-
-def _first(names: Sequence[str], count: int) -> str:
-    """Returns the first of some names, and how many more there are."""
-    more = len(names) - count
-    return ", ".join(names[:count]) + (f" and {more} more" if more > 0 else "")
 
 
 def check_photos(
@@ -104,7 +98,7 @@ def judge(
         every = np.arange(len(images))
         chosen = explanation.reading.images_of(matches, explanation.reading.apply(poses, every), every)
         num_compared = len(np.unique([matches.first, matches.second]))
-        names = _first([images[index].name for index in chosen], MAX_NUM_TURNED)
+        names = first_names([images[index].name for index in chosen], MAX_NUM_TURNED)
         turned = f"{len(chosen)} of {num_compared}: {names}"
     if not is_wrong:
         px = medians_by_pair(matches, errors_px(matches, poses, poses))
@@ -112,7 +106,7 @@ def judge(
     line = describe(explanation, "m" if is_metric else "units", turned)
     unmatched = sorted(set(range(len(images))).difference(matches.first.tolist(), matches.second.tolist()))
     if unmatched and not is_wrong:
-        line += f"; not compared: {_first([images[index].name for index in unmatched], MAX_NUM_TURNED)}"
+        line += f"; not compared: {first_names([images[index].name for index in unmatched], MAX_NUM_TURNED)}"
     remedy = "" if explanation.reading is None else explanation.reading.remedy
     options = remedy.removeprefix("give ")
     options = options if re.fullmatch(r"(--\w+ \w+ ?)+", options) else ""

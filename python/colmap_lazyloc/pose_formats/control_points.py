@@ -9,13 +9,13 @@ from typing import TypeVar
 import numpy as np
 
 from colmap_lazyloc.array_types import Floats
-from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.pose_formats import odm_geo
 from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, NO_FRAME, Frame
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs
 from colmap_lazyloc.pose_formats.opensfm import grid_name
 from colmap_lazyloc.pose_formats.positions import GEODETIC
-from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, errors_named, reason_of
+from colmap_lazyloc.pose_formats.raw_poses import BadPose, each, errors_named
 from colmap_lazyloc.pose_formats.signatures import Head, foreign
 from colmap_lazyloc.pose_formats.table import CENTRE, LATITUDE, LONGITUDE, NAME
 from colmap_lazyloc.pose_formats.text import Row, Table, numbers, read_xml, split
@@ -197,13 +197,7 @@ def _frame(crs: str) -> Frame:
 
 def _each(path: pathlib.Path, items: Iterable[T], parse: Callable[[T], None], label: Callable[[T], str]) -> None:
     """Parses each item; damaged ones are left out, and named."""
-    left_out = []
-    for item in items:
-        try:
-            parse(item)
-        except DAMAGE as error:
-            left_out.append(f"{label(item)} ({reason_of(error)})")
-    if left_out:
-        more = len(left_out) - MAX_NUM_NAMED
-        names = ", ".join(left_out[:MAX_NUM_NAMED]) + (f" and {more} more" if more > 0 else "")
+    bad = [item for item in each(items, parse, label) if isinstance(item, BadPose)]
+    if bad:
+        names = first_names([f"{item.label} ({item.reason})" for item in bad], MAX_NUM_NAMED)
         logger.warning("%s: left out: %s", path, names)

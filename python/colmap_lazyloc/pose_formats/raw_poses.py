@@ -80,11 +80,11 @@ class RawPoses:
         return [pose for pose in self.poses if isinstance(pose, RawPose)]
 
 
-def each(items: Iterable[T], parse: Callable[[T], RawPose], label: Callable[[T], object] | None = None) -> list[Any]:
+def each(items: Iterable[T], parse: Callable[[T], object], label: Callable[[T], object] | None = None) -> list[Any]:
     """Parses each item; one that is damaged becomes a BadPose, so that it does not end the others."""
     if items is None or isinstance(items, (str, dict, float, int)):
         raise ValueError(f"there is {_KINDS.get(type(items).__name__)} instead of a list of poses")
-    poses: list[RawPose | BadPose] = []
+    poses: list[Any] = []
     for index, item in enumerate(items, start=1):
         try:
             poses.append(parse(item))

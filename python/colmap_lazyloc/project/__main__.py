@@ -25,7 +25,7 @@ from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import make_source
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.panoramas import REFERENCE, face_cameras, read_face_poses
-from colmap_lazyloc.pose_formats.control_points import read_control_points
+from colmap_lazyloc.pose_formats.control_points import ControlPoints
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Positions, Source, photo_size
 from colmap_lazyloc.pose_formats.positions import read_positions
 from colmap_lazyloc.pose_formats.registry import read_posed_images
@@ -254,7 +254,8 @@ def _known_lengths(options: argparse.Namespace, database: Images, positions: Pos
         first, second, metres = options.scale
         return Distance(database.linked[first], database.linked[second], float(metres))
     if options.control_points is not None:
-        return read_control_points(options.control_points, options.crs)
+        control: ControlPoints = options.control_points  # read by `check`
+        return control
     if positions is None:
         return None
     linked = database.linked

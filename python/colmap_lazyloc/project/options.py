@@ -295,8 +295,10 @@ def _check_metres(options: argparse.Namespace) -> None:
             )
         if DATABASE in panorama_roles(options):
             raise InputError("--control_points has no effect on panoramas")
-        if not read_control_points(options.control_points, options.crs).points:
-            raise InputError(f"--control_points {options.control_points[0]}: no point has coordinates")
+        path = options.control_points[0]
+        options.control_points = read_control_points(options.control_points, options.crs)
+        if not options.control_points.points:
+            raise InputError(f"--control_points {path}: no point has coordinates")
     if options.scale is not None:
         if options.poses is not None or options.positions is not None:
             raise InputError("--scale has no effect with --poses: their coordinates are used as they are")
