@@ -54,6 +54,11 @@ class Fit:
         """Returns which photos agree with their positions."""
         return self.errors <= self.tolerance
 
+    def require_orientation(self, what: str, assumed: str = "") -> None:
+        """Raises NotAlignedError if the orientation follows from errors; `assumed`: how large these are taken to be."""
+        if self.rotation_stddev_deg > MAX_ROTATION_STDDEV_DEG:
+            raise NotAlignedError(f"the {what} are almost on a line, or too close together for errors{assumed}")
+
     def text(self, title: str) -> str:
         """Returns what a user wants to know of it; `title`: what the model is aligned to."""
         median, tolerance = (f"{x:.1f}" if x >= 1 else f"{x:.2g}" for x in (np.median(self.errors), self.tolerance))
@@ -99,11 +104,8 @@ def align_to_positions(
     stddevs = [photo.accuracy_m for photo in used if photo.accuracy_m is not None]
     stddev = float(np.median(stddevs)) if len(stddevs) >= len(used) / 2 else None
     fit = _fit(align, targets, stddev, title)
-    if fit.rotation_stddev_deg > MAX_ROTATION_STDDEV_DEG:
-        assumed = f" of {MIN_STDDEV_M:g} m, which are assumed without a stated accuracy" if stddev is None else ""
-        raise NotAlignedError(
-            f"the photos with {title} are almost on a line, or too close together for errors{assumed}"
-        )
+    assumed = f" of {MIN_STDDEV_M:g} m, which are assumed without a stated accuracy" if stddev is None else ""
+    fit.require_orientation(f"photos with {title}", assumed)
     if positions.origin is not None:
         positions.origin.write(folder.model)
     return fit.text(f"{title} of {len(used)} photos")
@@ -142,6 +144,7 @@ def align_to_points(
         return np.array([similarity * place for place in found])
 
     fit = _fit(align, targets, POINT_STDDEV_M, "control points")
+    fit.require_orientation("control points")
     for point, error, is_within in zip(places, fit.errors, fit.is_within):
         if not is_within:
             logger.warning("control point '%s' is left out, because it is off by %.2g m", point, error)
