@@ -165,20 +165,13 @@ Camera WithRadialDistortion(const Camera& camera, const Eigen::Vector2d& coeffic
   return distorted;
 }
 
-Camera AsRadial(const Camera& camera) {
-  Camera radial = camera;
-  if (CameraModelName(camera.model_id) != "SIMPLE_RADIAL") return radial;
-  radial.model_id = *CameraModelId("RADIAL");
-  radial.params.push_back(0);
-  return radial;
-}
-
 Camera AsOpenCv(const Camera& camera) {
-  Camera converted = AsRadial(camera);
-  if (CameraModelName(converted.model_id) != "RADIAL") return converted;
-  const std::vector<double>& p = converted.params;  // f, cx, cy, k1, k2
-  converted.params = {p[0], p[0], p[1], p[2], p[3], p[4], 0, 0};
+  const std::string name = CameraModelName(camera.model_id);
+  if (name != "SIMPLE_RADIAL" && name != "RADIAL") return camera;
+  const std::vector<double>& p = camera.params;  // f, cx, cy, k1 and, with RADIAL, k2
+  Camera converted = camera;
   converted.model_id = *CameraModelId("OPENCV");
+  converted.params = {p[0], p[0], p[1], p[2], p[3], name == "RADIAL" ? p[4] : 0, 0, 0};
   return converted;
 }
 

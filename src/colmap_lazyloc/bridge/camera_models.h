@@ -43,9 +43,8 @@ Camera WithShiftedPrincipalPoint(const Camera& camera, const Eigen::Vector2d& sh
 std::optional<Eigen::Vector2d> RadialDistortion(const Camera& camera);
 // Returns the camera with other such coefficients. The model must have them.
 Camera WithRadialDistortion(const Camera& camera, const Eigen::Vector2d& coefficients);
-// Returns a SIMPLE_RADIAL camera as RADIAL, which has the second coefficient; any other camera as it is.
-Camera AsRadial(const Camera& camera);
-// Returns a SIMPLE_RADIAL or RADIAL camera as OPENCV, which has two focal lengths, too; any other camera as it is.
+// Returns a SIMPLE_RADIAL or RADIAL camera as OPENCV, which has a second focal length and a second radial coefficient;
+// any other camera as it is.
 Camera AsOpenCv(const Camera& camera);
 // Returns the log of the ratio of the focal lengths in y and x; 0 for a model with one focal length.
 double LogAspectRatio(const Camera& camera);

@@ -25,7 +25,8 @@ constexpr int kMaxNumAdjustments = 20;
 
 QueryCamera::QueryCamera(const LocalizationProblem& problem)
     : problem_(&problem),
-      camera_(IsCalibrated(problem.intrinsics_origin) ? problem.query_camera : AsRadial(problem.query_camera)) {}
+      camera_(IsCalibrated(problem.intrinsics_origin) ? problem.query_camera
+                                                      : WithAllCorrections(problem.query_camera)) {}
 
 void QueryCamera::ScaleFocalLength(double factor) {
   camera_ = WithFocalFactor(camera_, factor);
@@ -33,7 +34,7 @@ void QueryCamera::ScaleFocalLength(double factor) {
 }
 
 OtherCorrections QueryCamera::Corrections() const {
-  return CorrectionsBetween(AsRadial(problem_->query_camera), camera_).tail<kNumOtherCorrections>();
+  return CorrectionsBetween(WithAllCorrections(problem_->query_camera), camera_).tail<kNumOtherCorrections>();
 }
 
 double QueryCamera::Correct(BundleAdjustmentResult* adjustment) {
@@ -51,9 +52,7 @@ double QueryCamera::Correct(BundleAdjustmentResult* adjustment) {
   Rigid3d& pose = adjustment->posed.frames[0].frame_from_world;
   pose = {ExpSO3(move.head<3>()) * pose.rotation, pose.translation + move.tail<3>()};
   ScaleFocalLength(std::exp(score.log_factor_from_correction.tail<kNumOtherCorrections>().dot(change)));
-  const double radius = HalfDiagonalPx(camera_) / kRadialUnitPx;
-  return change.head<2>().norm() +
-         std::abs(change.tail<2>().dot(Eigen::Vector2d(std::pow(radius, 3), std::pow(radius, 5))));
+  return CornerDisplacementPx(with_focal_length, camera_);
 }
 
 std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const {

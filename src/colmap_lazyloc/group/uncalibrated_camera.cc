@@ -13,15 +13,16 @@
 namespace lazyloc {
 namespace {
 
-// Standard deviations of what nobody has calibrated: the shift of the principal point and the radial displacement of
-// the image's corners, over half the diagonal, where there is none to speak of and where there is; the displacement by
-// the fifth power, over that by the third; and the log of the pixels' aspect ratio. All are times kSharedCameraFactor
-// for a camera of the database that the photo shares, because it is probably the very one.
+// Standard deviations of what nobody has calibrated, where there is none to speak of and where there is: the shift of
+// the principal point and the radial displacement of the image's corners, over half the diagonal, and the log of the
+// pixels' aspect ratio; and of the displacement by the fifth power, over that by the third. All are times
+// kSharedCameraFactor for a camera of the database that the photo shares, because it is probably the very one.
 constexpr double kNegligible = 0.001;
 constexpr double kUncalibratedShift = 0.02;
 constexpr double kUncalibratedRadial = 0.05;
 constexpr double kFifthPowerRatio = 0.4;
-constexpr double kUncalibratedAspect = 0.003;
+constexpr double kNegligibleAspect = 0.0003;
+constexpr double kUncalibratedAspect = 0.004;
 constexpr double kSharedCameraFactor = 0.25;
 
 // A case: the distribution of the corrections under it.
@@ -38,9 +39,11 @@ std::vector<OtherCorrections> StddevsByCase(const Camera& camera, IntrinsicsOrig
   std::vector<OtherCorrections> cases;
   for (const double shift : {kNegligible, kUncalibratedShift}) {
     for (const double radial : {kNegligible, kUncalibratedRadial}) {
-      cases.emplace_back() << unit * shift, unit * shift, unit / radius * kUncalibratedAspect,
-          unit * radial / std::pow(radius / kRadialUnitPx, 3),
-          unit * radial * kFifthPowerRatio / std::pow(radius / kRadialUnitPx, 5);
+      for (const double aspect : {kNegligibleAspect, kUncalibratedAspect}) {
+        cases.emplace_back() << unit * shift, unit * shift, unit / radius * aspect,
+            unit * radial / std::pow(radius / kRadialUnitPx, 3),
+            unit * radial * kFifthPowerRatio / std::pow(radius / kRadialUnitPx, 5);
+      }
     }
   }
   return cases;
@@ -125,6 +128,13 @@ Camera Corrected(const Camera& given, const IntrinsicsCorrections& corrections) 
   const std::optional<Eigen::Vector2d> radial = RadialDistortion(camera);
   if (!radial) return camera;
   return WithRadialDistortion(camera, *radial + corrections.tail<2>().cwiseQuotient(PxPerRadialCoefficient(camera)));
+}
+
+double CornerDisplacementPx(const IntrinsicsCorrections& corrections, const Camera& camera) {
+  const double radius = HalfDiagonalPx(camera), ratio = radius / kRadialUnitPx;
+  IntrinsicsCorrections px_from_correction;
+  px_from_correction << radius, 1, 1, radius / 2, std::pow(ratio, 3), std::pow(ratio, 5);
+  return corrections.cwiseProduct(px_from_correction).cwiseAbs().sum();
 }
 
 CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score,

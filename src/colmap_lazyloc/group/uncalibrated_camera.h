@@ -48,6 +48,8 @@ Camera WithAllCorrections(const Camera& camera);
 IntrinsicsCorrections CorrectionsBetween(const Camera& given, const Camera& corrected);
 // Returns the camera with the corrections that its model has.
 Camera Corrected(const Camera& given, const IntrinsicsCorrections& corrections);
+// Returns by how many pixels the corrections move the image's corners at most.
+double CornerDisplacementPx(const IntrinsicsCorrections& corrections, const Camera& camera);
 
 // Returns what is known of a camera whose intrinsics nobody has measured. Most cameras have their principal point in
 // the centre of the image and no distortion to speak of, as in a rendered, an undistorted or a reconstructed image, or

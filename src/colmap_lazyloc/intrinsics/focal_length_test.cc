@@ -84,6 +84,21 @@ TEST(FocalLength, DistortedCameraIsRefinedToo) {
   ExpectFound(scene, 1.5, 1e-5, 1e-5);
 }
 
+TEST(FocalLength, PixelsOfAnUncalibratedCameraNeedNotBeSquare) {
+  SyntheticSceneOptions options;
+  options.pixel_noise_px = 0.2;
+  options.num_points = 400;
+  SyntheticScene scene = MakeSyntheticScene(options);
+  const Camera true_camera = scene.problem.query_camera;
+  ASSERT_GT(LogAspectRatio(true_camera), 0.01);
+  scene.problem.query_camera = CameraFromFocalLength(*CameraModelId("SIMPLE_RADIAL"), 1.2 * true_camera.params[0],
+                                                     true_camera.width, true_camera.height);
+  scene.problem.intrinsics_origin = IntrinsicsOrigin::GUESS;
+  const LocalizationResult result = LocalizeQuery(scene.problem, LocalizerOptions());
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_NEAR(LogAspectRatio(result.query_camera), LogAspectRatio(true_camera), 0.001);
+}
+
 TEST(FocalLength, CovarianceMatchesTheErrorsSpread) {
   // Expects 6, the degrees of freedom, as the mean of the squared errors normalised by their covariances. The standard
   // deviation of the mean is sqrt(12 / 20) = 0.77.

@@ -102,7 +102,7 @@ TEST_P(Distortions, OfAGuessedCameraAreEstimated) {
     EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.01 * scene.median_depth)
         << "seed " << seed;
     EXPECT_NEAR(result.query_camera.params[0], 950, 10) << "seed " << seed;
-    EXPECT_NEAR(result.query_camera.params[3], GetParam(), 0.03) << "seed " << seed;
+    EXPECT_NEAR(RadialDistortion(result.query_camera)->x(), GetParam(), 0.03) << "seed " << seed;
   }
 }
 

@@ -60,13 +60,6 @@ std::optional<IntrinsicsInformation> InformationWith(const Camera& camera, const
   return choice.solution->checked.information.front();
 }
 
-double CornerDisplacementPx(const IntrinsicsCorrections& corrections, const Camera& camera) {
-  const double radius = HalfDiagonalPx(camera), ratio = radius / kRadialUnitPx;
-  IntrinsicsCorrections px_from_correction;
-  px_from_correction << radius, 1, 1, radius / 2, std::pow(ratio, 3), std::pow(ratio, 5);
-  return corrections.cwiseProduct(px_from_correction).cwiseAbs().sum();
-}
-
 std::optional<SharedCamera> EstimateSharedCamera(const Queries& queries, const LocalizerOptions& options,
                                                  IdleThreads* idle_threads) {
   const LocalizationProblem& first = ProblemOf(*queries.front());
