@@ -1,8 +1,9 @@
-"""Tests of `--ImageReader.single_camera`: one camera without intrinsics took the queries."""
+"""Tests of queries without intrinsics that one camera took: one in the database, or `--ImageReader.single_camera`."""
 
 import numpy as np
 import pytest
 
+import colmap_lazyloc
 from colmap_lazyloc.testing import synthetic
 
 OPTION = ("--ImageReader.single_camera", 1)
@@ -29,6 +30,14 @@ def make_scene(zooms):
         for database in scene.database_names:
             scene.pairs[database, name] = synthetic.match(scene.images[database], image, 0.2, rng)
     return scene
+
+
+def of_database_cameras(scene, num_cameras):
+    """Returns the scene whose database has so many cameras for the queries, in turn."""
+    changed = guessed(scene)
+    for i, name in enumerate(scene.query_names):
+        changed.images[name].camera_id = 2 + i % num_cameras
+    return changed
 
 
 def guessed(scene):
@@ -135,3 +144,39 @@ def test_nothing_to_estimate_is_one_line(localize, noisy):
     run = localize(*noisy.arguments, *OPTION)
     assert run.exit_code == 0
     assert "--ImageReader.single_camera: no camera could be estimated" in run.stderr
+
+
+def test_queries_of_one_camera_in_the_database_share_it(localize, write_scene_files, tmp_path, scene, shared):
+    files = write_scene_files(tmp_path, of_database_cameras(scene, 1), geometry=None)
+    run = localize(*files.arguments)
+    assert [line for line in run.stderr.splitlines() if line.startswith("camera 2 of 12 queries")]
+    assert run.poses_bytes == shared.poses_bytes
+    run = localize(*files.arguments, "--ImageReader.single_camera_per_image", 1)
+    assert {result["intrinsics_source"] for result in run.results.values()} == {"database"}
+    assert "camera 2" not in run.stderr
+
+
+def test_each_camera_in_the_database_is_estimated(localize, write_scene_files, tmp_path):
+    zooms = [1.0, 1.5] * (NUM_QUERIES // 2)
+    files = write_scene_files(tmp_path, of_database_cameras(make_scene(zooms), 2), geometry=None)
+    run = localize(*files.arguments)
+    lines = [line for line in run.stderr.splitlines() if line.startswith("camera ")]
+    focals = [float(line.split("camera_params ")[1].split(",")[0]) for line in lines]
+    assert [line.split(",")[0] for line in lines] == ["camera 2 of 6 queries", "camera 3 of 6 queries"]
+    assert focals == pytest.approx([FOCAL_PX, 1.5 * FOCAL_PX], rel=0.01)
+    assert {result["intrinsics_source"] for result in run.results.values()} == {"joint"}
+
+
+def test_python_shares_cameras_like_the_command(localize, write_scene_files, tmp_path, scene):
+    files = write_scene_files(tmp_path, of_database_cameras(scene, 1), geometry=None)
+    command = localize(*files.arguments)
+    with colmap_lazyloc.Localizer(files.database_path, files.model_path) as localizer:
+        one = localizer.localize(scene.query_names[3])
+        for result in [one, *localizer.localize_all()]:
+            assert np.array_equal(result.covariance, np.array(command.results[result.name]["covariance"]))
+
+
+def test_both_options_are_refused(localize, files):
+    run = localize(*files.arguments, *OPTION, "--ImageReader.single_camera_per_image", 1)
+    assert run.exit_code == 1
+    assert "single_camera_per_image exclude each other" in run.stderr

@@ -83,16 +83,13 @@ void LocalizeRest(const Localizer& localizer, std::vector<size_t> groups, IdleTh
   if (!missing.empty()) PrintWarning(missing);
 }
 
-// Estimates the cameras that queries share from some of them, and prints them.
-SharedCameras ShareCameras(Localizer* localizer) {
-  std::vector<GroupInput> queries;
-  for (const size_t group : CalibrationGroups(*localizer->Source())) {
-    queries.push_back(localizer->Source()->Group(group));
-  }
-  SharedCameras cameras = localizer->EstimateCameras(queries);
-  localizer->UseCameras(cameras);
+// Estimates the cameras that queries share, and prints them.
+SharedCameras ShareCameras(const Localizer& localizer, bool is_asked_for) {
+  SharedCameras cameras = localizer.EstimateCameras();
   for (const SharedCamera& shared : cameras) std::cerr << DescribeCamera(shared) << std::endl;
-  if (cameras.empty()) PrintWarning("--ImageReader.single_camera: no camera could be estimated from two queries");
+  if (is_asked_for && cameras.empty()) {
+    PrintWarning("--ImageReader.single_camera: no camera could be estimated from two queries");
+  }
   return cameras;
 }
 
@@ -102,7 +99,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   Model model = ReadModel(options.source.input_path);
   const Fingerprint model_fingerprint = FingerprintOf(model);
   IdleThreads idle_threads(EffectiveNumThreads(options.num_threads) - 1);
-  Localizer localizer(options.source, options.localizer, std::move(model), options.num_threads, &idle_threads);
+  const Localizer localizer(options.source, options.localizer, std::move(model), options.num_threads, &idle_threads);
   const QuerySource& source = *localizer.Source();
   const std::vector<std::string> warnings = source.Warnings();
   for (const std::string& warning : warnings) PrintWarning(warning);
@@ -114,7 +111,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   UnfinishedRun run(options.output_path, manifest, options.Start());
   const RunSize size = {manifest.num_own_queries, run.NumQueriesDone(),
                         manifest.num_queries - manifest.num_own_queries};
-  const SharedCameras shared_cameras = options.source.single_camera ? ShareCameras(&localizer) : SharedCameras();
+  const SharedCameras shared_cameras = ShareCameras(localizer, options.source.single_camera);
   Progress progress(size, options.log_path, options.resume);
   LocalizeRest(localizer, groups, &idle_threads, &run, &progress);
   const std::vector<std::string> later_warnings = source.Warnings();  // of an index that was made meanwhile

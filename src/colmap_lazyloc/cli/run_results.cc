@@ -43,26 +43,13 @@ void WarnOfDepthMaps(const QueryRecords& records) {
 
 }  // namespace
 
-std::vector<size_t> CalibrationGroups(const QuerySource& source) {
-  constexpr size_t kMaxNumGroups = 20;
-  const QueryGroups& groups = source.Selection().Groups();
-  std::vector<std::pair<std::string_view, size_t>> by_name;
-  for (size_t i = 0; i < groups.Size(); ++i) {
-    if (groups.IsSingle(i)) by_name.emplace_back(groups.At(i).front().images.front().name, i);
-  }
-  std::sort(by_name.begin(), by_name.end());
-  std::vector<size_t> chosen;
-  const size_t num_chosen = std::min(by_name.size(), kMaxNumGroups);
-  for (size_t i = 0; i < num_chosen; ++i) chosen.push_back(by_name[i * by_name.size() / num_chosen].second);
-  return chosen;
-}
-
 std::string DescribeCamera(const SharedCamera& shared) {
   const Camera& camera = shared.camera;
   std::string params;
   for (const double param : camera.params) params += Format(params.empty() ? "%.10g" : ",%.10g", param);
   const double stddev_px = MeanFocalLength(camera) * std::sqrt(shared.covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR));
-  return Format("camera of %d queries, focal length +- %.2g px: ", shared.num_queries, stddev_px) +
+  const std::string id = shared.database_id == 0 ? "" : Format(" %u", shared.database_id);
+  return Format("camera%s of %d queries, focal length +- %.2g px: ", id.c_str(), shared.num_queries, stddev_px) +
          "--ImageReader.camera_model " + CameraModelName(camera.model_id) + " --ImageReader.camera_params " + params;
 }
 

@@ -15,10 +15,6 @@
 
 namespace lazyloc {
 
-// Returns the groups whose queries shared cameras are estimated from: at most 20 groups of one query, evenly spaced in
-// the order of the queries' names, whatever the shard.
-std::vector<size_t> CalibrationGroups(const QuerySource& source);
-
 // Returns one line with an estimated camera, as options that a later run can take.
 std::string DescribeCamera(const SharedCamera& shared);
 

@@ -9,6 +9,10 @@ namespace lazyloc {
 
 bool SourceOptions::Check(std::string* error) const {
   OPTION_GE(num_retrieved, 1);
+  if (single_camera && single_camera_per_image) {
+    *error = "ImageReader.single_camera and ImageReader.single_camera_per_image exclude each other";
+    return false;
+  }
   if (!photos.image_path.empty() && selection.leave_one_out) {
     *error = "image_path excludes --LazyLocalizer.leave_one_out, whose queries are posed images of the database";
     return false;

@@ -26,8 +26,10 @@ namespace lazyloc {
 // Everything that says where queries come from and what they are localized against.
 struct SourceOptions {
   std::string database_path, input_path;
-  int num_retrieved = 20;      // database images per query
-  bool single_camera = false;  // queries of the same size whose intrinsics nobody has stated share their camera
+  int num_retrieved = 20;  // database images per query
+  // Which of the queries whose intrinsics nobody has stated share their camera: all of the same size, those of one
+  // camera in the database (neither is true), or none.
+  bool single_camera = false, single_camera_per_image = false;
   QuerySelectionOptions selection;
   PhotoOptions photos;
   QueryPriorOptions priors;

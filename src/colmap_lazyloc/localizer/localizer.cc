@@ -43,6 +43,14 @@ void KeepBetter(Tried* later, Tried* tried, const LocalizerOptions& options) {
   }
 }
 
+// Returns which queries share a camera. Nobody corrects intrinsics that are kept as they are.
+CameraSharing SharingOf(const SourceOptions& source, const LocalizerOptions& options) {
+  if (source.single_camera) return CameraSharing::ALL;
+  const bool keeps_cameras = options.method == Method::PAPER || options.intrinsics == IntrinsicsMode::GIVEN ||
+                             source.single_camera_per_image || source.selection.leave_one_out;
+  return keeps_cameras ? CameraSharing::NONE : CameraSharing::DATABASE;
+}
+
 bool IsSingle(const GroupInput& input) { return input.frames.size() == 1 && input.frames.front().images.size() == 1; }
 
 }  // namespace
@@ -84,7 +92,7 @@ class Localizer::BorrowedSession {
 
 Localizer::Localizer(const SourceOptions& source, const LocalizerOptions& options, Model model, int num_threads,
                      IdleThreads* idle_threads)
-    : options_(options), idle_threads_(idle_threads), process_(getpid()) {
+    : options_(options), idle_threads_(idle_threads), sharing_(SharingOf(source, options)), process_(getpid()) {
   if (source.database_path.empty()) {
     if (!source.depth.depth_path.empty()) throw InputError("option depth_path needs a database");
     model_ = std::move(model);
@@ -95,6 +103,9 @@ Localizer::Localizer(const SourceOptions& source, const LocalizerOptions& option
   with_pairs.reads_database_pairs =
       options.method == Method::EXTENDED && ExpectPoseErrors(options).source == PoseNoiseSource::DEFAULT;
   source_ = std::make_unique<QuerySource>(with_pairs, std::move(model), options.seed, num_threads);
+  for (auto& [key, groups] : CalibrationGroups(source_->Selection(), sharing_)) {
+    query_cameras_[key].groups = std::move(groups);
+  }
 }
 
 LoadedGroup Localizer::Load(const GroupInput& input, const Attempt& attempt, const LoadedGroup* first,
@@ -108,7 +119,6 @@ LoadedGroup Localizer::Load(const GroupInput& input, const Attempt& attempt, con
 
 std::vector<Attempt> Localizer::FirstAttempts(const GroupInput& input) const {
   Attempt attempt = source_ ? source_->FirstAttempt() : Attempt();
-  if (IsSingle(input)) attempt.shared_cameras = &shared_cameras_;
   if (!source_ || !source_->HasNearImages(input)) return {attempt};
   Attempt near = attempt;
   near.only_near = true;
@@ -133,15 +143,38 @@ std::optional<CalibrationQuery> Localizer::EstimateCamera(const GroupInput& inpu
   return std::nullopt;
 }
 
-SharedCameras Localizer::EstimateCameras(const std::vector<GroupInput>& queries) const {
-  std::vector<std::optional<CalibrationQuery>> estimates(queries.size());
-  ParallelFor(
-      queries.size(), [&](size_t i) { estimates[i] = EstimateCamera(queries[i]); }, idle_threads_);
-  std::vector<CalibrationQuery> localized;
-  for (std::optional<CalibrationQuery>& estimate : estimates) {
-    if (estimate) localized.push_back(*std::move(estimate));
+const SharedCameras& Localizer::EstimateCamera(uint32_t key, QueryCamera* camera) const {
+  std::call_once(camera->is_estimated, [&] {
+    std::vector<std::optional<CalibrationQuery>> estimates(camera->groups.size());
+    ParallelFor(
+        estimates.size(), [&](size_t i) { estimates[i] = EstimateCamera(source_->Group(camera->groups[i])); },
+        idle_threads_);
+    std::vector<CalibrationQuery> localized;
+    for (std::optional<CalibrationQuery>& estimate : estimates) {
+      if (estimate) localized.push_back(*std::move(estimate));
+    }
+    camera->estimates = EstimateSharedCameras(localized, options_, idle_threads_);
+    for (SharedCamera& shared : camera->estimates) shared.database_id = key;
+  });
+  return camera->estimates;
+}
+
+SharedCameras Localizer::EstimateCameras() const {
+  SharedCameras cameras;
+  for (auto& [key, camera] : query_cameras_) {
+    const SharedCameras& estimates = EstimateCamera(key, &camera);
+    cameras.insert(cameras.end(), estimates.begin(), estimates.end());
   }
-  return EstimateSharedCameras(localized, options_, idle_threads_);
+  return cameras;
+}
+
+const SharedCameras* Localizer::CamerasOf(const GroupInput& input) const {
+  if (!IsSingle(input) || query_cameras_.empty()) return nullptr;
+  const auto* const name = std::get_if<std::string>(&input.frames.front().images.front().query);
+  if (name == nullptr && sharing_ != CameraSharing::ALL) return nullptr;
+  const std::optional<uint32_t> key = SharedCameraKey(source_->Selection(), sharing_, name == nullptr ? "" : *name);
+  const auto camera = key ? query_cameras_.find(*key) : query_cameras_.end();
+  return camera == query_cameras_.end() ? nullptr : &EstimateCamera(camera->first, &camera->second);
 }
 
 std::vector<QueryRecord> Localizer::Localize(const GroupInput& input, bool with_keypoints) const {
@@ -156,7 +189,9 @@ std::vector<QueryRecord> Localizer::Localize(const GroupInput& input, bool with_
   };
   Tried* near = nullptr;
   Tried* tried = nullptr;
-  for (const Attempt& first : FirstAttempts(input)) {
+  const SharedCameras* const cameras = CamerasOf(input);
+  for (Attempt first : FirstAttempts(input)) {
+    first.shared_cameras = cameras;
     near = std::exchange(tried, solve(first, nullptr));
     if (AreAllLocalized(tried->choices, options_)) break;
     if (first.only_near || !source_) continue;

@@ -2,12 +2,14 @@
 
 #include <sys/types.h>
 
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/group/localizer_options.h"
+#include "colmap_lazyloc/loading/calibration_groups.h"
 #include "colmap_lazyloc/loading/query_source.h"
 #include "colmap_lazyloc/localizer/shared_cameras.h"
 #include "colmap_lazyloc/math/parallel_for.h"
@@ -29,11 +31,9 @@ class Localizer {
   // Returns the posed images that queries are localized against.
   const Model& DatabaseModel() const { return source_ ? source_->DatabaseModel() : model_; }
 
-  // Estimates the cameras that queries share (shared_cameras.h). queries: groups of one query each. Throws InputError
-  // for a damaged file.
-  SharedCameras EstimateCameras(const std::vector<GroupInput>& queries) const;
-  // Localizes single queries with these cameras from now on. Not thread-safe.
-  void UseCameras(const SharedCameras& cameras) { shared_cameras_ = cameras; }
+  // Returns the cameras that queries of the selection share (calibration_groups.h), which Localize estimates, too, as
+  // soon as it needs one. Throws InputError for a damaged file.
+  SharedCameras EstimateCameras() const;
   // Loads a group, localizes it by one attempt after the other, and returns a record per query, those that cannot be
   // loaded first. with_keypoints: the records have all keypoints, not only those of photos. Uses the calling thread,
   // and idle ones for photos. Throws InputError for a damaged file.
@@ -41,6 +41,12 @@ class Localizer {
 
  private:
   class BorrowedSession;
+  // A camera that queries share, and the groups that it is estimated from.
+  struct QueryCamera {
+    std::vector<size_t> groups;
+    std::once_flag is_estimated;
+    SharedCameras estimates;  // by given camera
+  };
 
   LoadedGroup Load(const GroupInput& input, const Attempt& attempt, const LoadedGroup* first,
                    QuerySource::Session* session) const;
@@ -49,12 +55,17 @@ class Localizer {
   std::vector<Attempt> FirstAttempts(const GroupInput& input) const;
   // Returns nullopt if the query is not localized with estimated intrinsics.
   std::optional<CalibrationQuery> EstimateCamera(const GroupInput& input) const;
+  // Estimates a camera unless that is done. key: as in calibration_groups.h.
+  const SharedCameras& EstimateCamera(uint32_t key, QueryCamera* camera) const;
+  // Returns the estimates for a single query; null if it shares no camera.
+  const SharedCameras* CamerasOf(const GroupInput& input) const;
 
   const LocalizerOptions options_;
   IdleThreads* const idle_threads_;
-  SharedCameras shared_cameras_;
-  Model model_;                          // empty if there is a database
-  std::unique_ptr<QuerySource> source_;  // null without a database
+  const CameraSharing sharing_;
+  mutable std::map<uint32_t, QueryCamera> query_cameras_;  // by key
+  Model model_;                                            // empty if there is a database
+  std::unique_ptr<QuerySource> source_;                    // null without a database
   mutable std::mutex sessions_mutex_;
   mutable std::vector<std::unique_ptr<QuerySource::Session>> sessions_;  // that no call uses
   mutable pid_t process_;                                                // that has made the sessions

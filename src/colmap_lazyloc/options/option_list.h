@@ -74,7 +74,10 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "the database with the photo's size, else the focal length in EXIF, else a guess");
   add("ImageReader.single_camera", &o.source.single_camera,
       "Queries of the same size whose intrinsics nobody has stated were taken by one camera with one zoom, which is "
-      "estimated from up to 20 of them together and written to options.ini; not for groups, rigs and trajectories");
+      "estimated from up to 20 of them together and written to options.ini; not for groups, rigs and trajectories. By "
+      "default, this applies to queries that have one camera in the database");
+  add("ImageReader.single_camera_per_image", &o.source.single_camera_per_image,
+      "Each query without known intrinsics has a camera of its own, even if the database has one for several");
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
       "Number of database images to use per query: the images with the most verified inliers; with --pairs_path, all "
       "listed images are used");

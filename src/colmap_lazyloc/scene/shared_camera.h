@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "colmap_lazyloc/scene/camera.h"
@@ -13,6 +14,7 @@ struct SharedCamera {
   Camera camera;
   IntrinsicsCovariance covariance = IntrinsicsCovariance::Zero();  // of `camera`
   int num_queries = 0;                                             // that it was estimated from
+  uint32_t database_id = 0;  // of the camera in the database; 0 if queries share it by their size
 };
 using SharedCameras = std::vector<SharedCamera>;
 
