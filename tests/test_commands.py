@@ -5,7 +5,9 @@ import os
 import shutil
 import subprocess
 import sys
+import warnings
 
+import PIL.Image
 import pytest
 
 from colmap_lazyloc import errors, program
@@ -30,6 +32,21 @@ def test_missing_file_is_one_line(capsys, tmp_path):
     assert main() == 1
     error = capsys.readouterr().err
     assert "none" in error and error.count("\n") == 1
+
+
+def test_warnings_of_pillow_are_not_printed(tmp_path):
+    exif = b"Exif\0\0MM\0*" + b"\xff" * 20  # damaged
+    PIL.Image.new("RGB", (8, 8)).save(tmp_path / "photo.jpg", exif=exif)
+
+    @errors.command
+    def main(arguments):
+        with PIL.Image.open(tmp_path / "photo.jpg") as photo:
+            photo.getexif().get_ifd(0x8825)
+
+    with warnings.catch_warnings(record=True) as shown:
+        warnings.simplefilter("always")
+        assert main([]) == 0
+    assert not shown
 
 
 def test_bad_argument_has_the_exit_code_of_bad_input(capsys):

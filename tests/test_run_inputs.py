@@ -3,6 +3,7 @@
 import os
 import shutil
 import sqlite3
+import struct
 import tracemalloc
 
 import cv2
@@ -266,6 +267,14 @@ def test_phones_photos_without_exif_and_damaged_ones(place, tmp_path):
     for suffix in ("heic", "avif"):
         assert photo_size(converted[f"whole.{suffix}"]) == photo.size
         assert any(converted[f"{index}.{suffix}"].suffix != ".jpg" for index in range(60))
+
+
+def test_size_of_a_photo_of_200_megapixels(tmp_path):
+    PIL.Image.new("RGB", (32, 24)).save(tmp_path / "photo.jpg")
+    data = (tmp_path / "photo.jpg").read_bytes()
+    start = data.index(b"\xff\xc0") + 5  # height and width in the frame's header
+    (tmp_path / "photo.jpg").write_bytes(data[:start] + struct.pack(">HH", 12240, 16320) + data[start + 4 :])
+    assert photo_size(tmp_path / "photo.jpg") == (16320, 12240)
 
 
 def test_single_damaged_heic_is_not_taken_for_a_video(run, tmp_path, capsys):

@@ -8,6 +8,7 @@ import logging
 import os
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NoReturn, Protocol, overload
 
@@ -63,6 +64,7 @@ def command(
     @_logging_to_stderr(program)
     def run(arguments: Sequence[str] | None = None) -> int:
         try:
+            warnings.filterwarnings("ignore", module="PIL")  # on damaged EXIF; commands name what they cannot use
             try:
                 code = main(arguments) or 0
             except SystemExit as end:  # argparse ends so: with 0 after --help, with 2 after its line about a bad option

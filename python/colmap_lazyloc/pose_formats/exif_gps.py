@@ -11,7 +11,7 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, to_geocentric
-from colmap_lazyloc.pose_formats.posed_images import Position, Positions, list_images
+from colmap_lazyloc.pose_formats.posed_images import Position, Positions, list_images, open_photo
 
 GPS_IFD = 0x8825
 LATITUDE_REF, LATITUDE, LONGITUDE_REF, LONGITUDE, ALTITUDE_REF, ALTITUDE, ERROR = 1, 2, 3, 4, 5, 6, 31
@@ -88,14 +88,14 @@ def _middle(positions: Sequence[GpsPosition]) -> GeoOrigin:
 
 def _read_photo(name: str, path: pathlib.Path) -> GpsPosition | None:
     """Returns the position of a photo; None if it has none that makes sense."""
-    import PIL.Image
-
     try:
-        with PIL.Image.open(path) as photo:
+        with open_photo(path) as photo:
             gps: dict[int, Any] = dict(photo.getexif().get_ifd(GPS_IFD))
             rtk = _rtk_stddev(photo)
         latitude = _degrees(gps[LATITUDE]) * (-1 if _text(gps[LATITUDE_REF]) == "S" else 1)
         longitude = _degrees(gps[LONGITUDE]) * (-1 if _text(gps[LONGITUDE_REF]) == "W" else 1)
+    except ImportError:
+        raise
     except Exception:  # Pillow's errors for damaged files are of many types
         return None
     # Without a fix, cameras write 0, 0.

@@ -6,6 +6,7 @@ import functools
 import pathlib
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
@@ -13,6 +14,9 @@ from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.result_fields import ResultFields
+
+if TYPE_CHECKING:
+    import PIL.ImageFile
 
 # COLMAP recognizes the format of a photo by its content. Readable are those that COLMAP 3 and COLMAP 4 both read. Those
 # of phones can be converted; unreadable are raw files of cameras, and others.
@@ -27,6 +31,8 @@ _UNREADABLE = """.jxl
 _DEPTH, _COLOUR = re.compile(r"([._-])depth(?=\.\w+$)", re.IGNORECASE), ("color", "colour", "rgb")
 IMAGE_SUFFIXES, PHONE_SUFFIXES = tuple(_READABLE.split()), tuple(_PHONES.split())
 UNREADABLE_SUFFIXES = tuple(_UNREADABLE.split())
+# Pillow refuses photos with twice as many pixels. Its own bound is below the 200 megapixels of some phones.
+MAX_NUM_PIXELS = 1 << 29
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -137,16 +143,23 @@ def convertible_suffixes() -> tuple[str, ...]:
     return tuple(suffix for suffix in PHONE_SUFFIXES if suffix in PIL.Image.registered_extensions())
 
 
-def photo_size(path: pathlib.Path) -> tuple[int, int] | None:
-    """Returns the width and height of a photo in pixels, as it is stored; None if it cannot be read."""
+def open_photo(path: pathlib.Path) -> "PIL.ImageFile.ImageFile":
+    """Opens a photo with Pillow, whose errors for damaged files are of many types. The caller closes it."""
     import PIL.Image
 
-    if path.name.lower().endswith(PHONE_SUFFIXES):
-        convertible_suffixes()  # so that Pillow reads them
+    convertible_suffixes()  # so that Pillow reads photos of phones
+    PIL.Image.MAX_IMAGE_PIXELS = MAX_NUM_PIXELS
+    return PIL.Image.open(path)
+
+
+def photo_size(path: pathlib.Path) -> tuple[int, int] | None:
+    """Returns the width and height of a photo in pixels, as it is stored; None if it cannot be read."""
     try:
-        with PIL.Image.open(path) as photo:
+        with open_photo(path) as photo:
             return photo.size
-    except (OSError, ValueError, PIL.Image.DecompressionBombError):
+    except ImportError:
+        raise
+    except Exception:
         return None
 
 

@@ -15,6 +15,7 @@ from colmap_lazyloc.pose_formats.posed_images import (
     UNREADABLE_SUFFIXES,
     convertible_suffixes,
     list_images,
+    open_photo,
     photo_size,
 )
 from colmap_lazyloc.project.folder import Folder, content, fingerprint, remove
@@ -64,14 +65,15 @@ def has_one_camera(paths: Iterable[pathlib.Path]) -> bool:
 
 def _size_and_camera(path: pathlib.Path) -> tuple[tuple[int, int], tuple[str, ...] | None]:
     """Returns what EXIF has of the camera, lens and zoom; None without a model or a focal length."""
-    import PIL.Image
     from PIL.ExifTags import IFD, Base
 
     try:
-        with PIL.Image.open(path) as photo:
+        with open_photo(path) as photo:
             main = photo.getexif()
             tags = {**main, **main.get_ifd(IFD.Exif)}
             size = photo.size
+    except ImportError:
+        raise
     except Exception:  # each decoder raises others for damaged files
         return (0, 0), None
     camera = [str(tags.get(tag, "")) for tag in (Base.Make, Base.Model, Base.LensModel, Base.DigitalZoomRatio)]
@@ -87,7 +89,6 @@ def convert_photos(folder: Folder, role: str, paths: Mapping[str, pathlib.Path])
     """
     if not is_installed("PIL"):
         return dict(paths)
-    convertible_suffixes()  # so that Pillow reads photos of phones
     with concurrent.futures.ThreadPoolExecutor() as threads:
         is_chosen = dict(zip(paths, threads.map(_needs_conversion, paths.values()), strict=True))
     place = folder.converted / role
@@ -111,10 +112,8 @@ def convert_photos(folder: Folder, role: str, paths: Mapping[str, pathlib.Path])
 
 def _needs_conversion(path: pathlib.Path) -> bool:
     """True for photos of phones, for 16 bits per colour, and for pixels that EXIF calls a mirror image."""
-    import PIL.Image
-
     try:
-        with PIL.Image.open(path) as photo:
+        with open_photo(path) as photo:
             has_16_bits = photo.mode in ("RGB", "RGBA") and any(";16" in str(tile) for tile in photo.tile)
             return photo.format in PHONE_FORMATS or has_16_bits or photo.getexif().get(ORIENTATION) in MIRRORED
     except Exception:  # each decoder raises others for damaged files
@@ -123,11 +122,10 @@ def _needs_conversion(path: pathlib.Path) -> bool:
 
 def _convert(path: pathlib.Path, target: pathlib.Path) -> None:
     """Writes a JPEG file with the EXIF of a photo; a mark that it is refused if the photo cannot be read."""
-    import PIL.Image
     import PIL.ImageOps
 
     try:
-        with PIL.Image.open(path) as photo:
+        with open_photo(path) as photo:
             is_mirrored = photo.getexif().get(ORIENTATION) in MIRRORED
             upright = PIL.ImageOps.exif_transpose(photo) if is_mirrored else photo
             exif = upright.info.get("exif") or b""
