@@ -235,9 +235,12 @@ def test_model_keeps_every_bit(tmp_path):
         ("IMG_1.JPG", b"\xff\xd8\xff\xe0", "a photo"),
         ("table.csv", "name,x".encode("utf-16"), "UTF-16"),
         ("other.json", '{"a": 1, "b": 2}', "JSON of an unknown kind"),
-        ("track.gpx", "<gpx><trk/></gpx>", "XML of an unknown kind"),
+        ("track.gpx", "<gpx><trk/></gpx>", "track of a receiver or of a drone"),
         ("data.bin", b"\1\2\0\3", "binary file"),
         ("data.csv", "#timestamp,p_RS_R_x [m],q_RS_w []\n1,2,1\n", "give --calibration"),
+        ("a_calibrated_camera_parameters.txt", "fileName imageWidth imageHeight\n", "file of Pix4D with matrices"),
+        ("a.json", '{"class_name": "PinholeCameraTrajectory", "parameters": []}', "Open3D in JSON"),
+        ("DJI_0001.SRT", "1\n00:00:00,000 --> 00:00:00,033\n[latitude: 47.1]\n", "track of a receiver or of a drone"),
         ("notes.txt", "hello\n", "its format is not known"),
     ],
 )
@@ -922,3 +925,117 @@ def test_what_is_left_out_is_one_line(tmp_path, capsys):
         and "2 of 5 poses are left out: " in error
         and "IMG_0002.jpg: a pose has a value" in error
     )
+
+
+# ---------------------------------------------------------------- further files of these kinds
+
+
+def named_rows(truth, *columns):
+    """Returns rows for pose_writers.table: names, and what functions of rotation and centre give."""
+    return [(name, *(column(*pose) for column in columns)) for name, pose in truth.items()]
+
+
+def test_centre_beside_a_translation_is_refused(tmp_path):
+    """The rotations belong to one of them."""
+    rows = named_rows(make_poses(["a.jpg"]), lambda r, c: pose_writers.wxyz(r.T), lambda r, c: -r.T @ c, lambda r, c: c)
+    path = table(tmp_path, "a.csv", "name,qw,qx,qy,qz,tx,ty,tz,x,y,z", rows)
+    with pytest.raises(InputError, match="has x, y, z .* and tx, ty, tz"):
+        read(path)
+
+
+@pytest.mark.parametrize(("south", "west"), [("S", "W"), ("South", "West"), ("N", "E"), ("", "")])
+def test_letters_of_the_hemisphere_are_used(south, west, tmp_path, caplog):
+    """As exiftool writes them, beside values with or without their signs."""
+    header = "SourceFile,GPSLatitude,GPSLatitudeRef,GPSLongitude,GPSLongitudeRef,GPSAltitude,yaw,pitch,roll\n"
+    path = save(tmp_path, "a.csv", f"{header}a.jpg,33.5,{south},70.1,{west},600,0,0,0\n")
+    sign = -1 if south[:1] == "S" else 1
+    assert read(path).origin == GeoOrigin(sign * 33.5, sign * 70.1, 600.0) and "not used" not in caplog.text
+
+
+def test_line_of_units_is_refused(tmp_path):
+    path = save(tmp_path, "a.csv", "name,x,y,z,qw,qx,qy,qz\n,mm,mm,mm,-,-,-,-\na.jpg,1,2,3,1,0,0,0\n")
+    with pytest.raises(InputError, match="has a line of units"):
+        read(path)
+
+
+@pytest.mark.parametrize("kind", ["xmp", "blocks"])
+def test_photos_of_other_components_are_left_out(kind, tmp_path, caplog):
+    """Coordinates of components that are not connected have nothing in common."""
+    truth = make_poses([f"{index}.jpg" for index in range(5)])
+    photos = write_named(tmp_path / "photos", truth)
+    if kind == "xmp":
+        path = pose_writers.xmp(tmp_path, truth)
+        for index, file in enumerate(sorted(path.iterdir())):
+            part = f'xcr:Coordinates="relative" xcr:ComponentId="{{{index // 3}}}"'
+            file.write_text(file.read_text().replace('xcr:Coordinates="absolute"', part))
+    else:
+        path = pose_writers.blocks_exchange(tmp_path, truth)
+        *parts, last = path.read_text().split("</Pose>")
+        parts = [f"{part}</Pose><Component>{index // 3}</Component>" for index, part in enumerate(parts)]
+        path.write_text("".join([*parts, last]))
+    assert len(read(path, photos).images) == 3 and "2 photos of 1 other components are left out" in caplog.text
+
+
+def test_components_with_absolute_coordinates_are_read(tmp_path):
+    truth = make_poses(["0.jpg", "1.jpg"])
+    path = pose_writers.xmp(tmp_path, truth)
+    for file in path.iterdir():
+        file.write_text(file.read_text().replace("xcr:Skew", f'xcr:ComponentId="{file.stem}" xcr:Skew'))
+    assert len(read(path, write_named(tmp_path / "photos", truth)).images) == 2
+
+
+@pytest.mark.parametrize("height", ["-9999", "-32768", "99999"])
+def test_heights_that_mean_nothing_are_missing(height, tmp_path, caplog):
+    text = f"name,lat,lon,alt,yaw,pitch,roll\na.jpg,47,8,400,0,0,0\nb.jpg,47,8,{height},0,0,0\n"
+    posed = read(save(tmp_path, "a.csv", text))
+    assert [image.name for image in posed.images] == ["a.jpg"] and posed.origin == GeoOrigin(47.0, 8.0, 400.0)
+    assert "b.jpg: its position is missing" in caplog.text
+
+
+def test_place_without_a_fix_in_a_grid_is_missing(tmp_path):
+    text = "name,x,y,z,yaw,pitch,roll\na.jpg,447000,5247000,400,0,0,0\nb.jpg,0,0,0,0,0,0\n"
+    posed = read(save(tmp_path, "a.csv", text), crs=UTM)
+    assert [image.name for image in posed.images] == ["a.jpg"] and 47 < posed.origin.latitude_deg < 48
+
+
+@pytest.mark.parametrize("line", ["abc set/9.png", "nan set/9.png", "1234.6"])
+def test_bad_line_in_a_list_of_times(line, tmp_path, caplog):
+    """The others are used, which are not in the order of the names."""
+    truth = make_poses([f"{index:06}.png" for index in range(5)])
+    path = pose_writers.tum(tmp_path, truth)
+    names = sorted(truth, reverse=True)
+    times = [f"{pose_writers.TIME + pose_writers.STEP * index} {name}" for index, name in enumerate(names)]
+    save(tmp_path, "rgb.txt", "\n".join([*times[:2], line, *times[2:]]))
+    expected = dict(zip(names, truth.values(), strict=True))
+    assert_poses(read(path, write_named(tmp_path / "photos", truth)), expected)
+    assert ("1 of 6 lines have no time" in caplog.text) == (" " in line)
+
+
+@pytest.mark.parametrize("kind", ["xmp", "polycam"])
+def test_first_file_of_a_folder_is_damaged(kind, tmp_path, caplog):
+    truth = make_poses(["0.jpg", "1.jpg"])
+    path = (pose_writers.xmp if kind == "xmp" else pose_writers.polycam_keyframes)(tmp_path, truth)
+    min(path.iterdir()).write_text("{")
+    assert [image.name for image in read(path, write_named(tmp_path / "photos", truth)).images] == ["1.jpg"]
+    assert "1 of 2 poses is left out" in caplog.text
+
+
+def test_damaged_intrinsics_of_one_photo(tmp_path, caplog):
+    names = [f"lowres_wide/41_{pose_writers.TIME + pose_writers.STEP * index:.3f}.png" for index in range(3)]
+    truth = make_poses(names)
+    path = pose_writers.arkit_scenes(tmp_path, truth)
+    min(path.rglob("*.pincam")).write_text("640 480 500")
+    posed = read(path, write_named(tmp_path / "photos", truth), camera=None)
+    assert len(posed.images) == 3 and ".pincam (there are 3 numbers instead of 6)" in caplog.text
+
+
+def test_files_of_macos_and_of_network_drives_are_no_photos(tmp_path):
+    truth = make_poses([f"{index:06}.jpg" for index in range(3)])
+    others = ["._000000.jpg", "__MACOSX/000000.jpg", "@eaDir/000001.jpg/THUMB.jpg", ".thumbnails/000002.jpg"]
+    folder = write_named(tmp_path / "photos", [*truth, *others])
+    assert_poses(read(pose_writers.kitti(tmp_path, truth), folder), truth)
+
+
+def test_brackets_without_end_take_no_time(tmp_path):
+    with pytest.raises(InputError, match="is not JSON"):
+        read(save(tmp_path, "a.json", '{"frames":' + "[" * 60_000))

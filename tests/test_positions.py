@@ -49,14 +49,16 @@ def test_positions_on_the_earth(header, line, folder, tmp_path):
         assert place == pytest.approx(PLACES[name], abs=1e-7)
 
 
-def test_accuracies_and_rows_that_cannot_be_used(folder, tmp_path, caplog):
-    rows = "name,x,y,z,stddev_m\na/1.jpg,1,2,3,0.02\na/2.jpg,4,nan,6,0.02\nb/1.jpg,7,8,9,-1\n"
+@pytest.mark.parametrize("unknown", ["-1", "0", "", "999999"])
+def test_accuracies_and_rows_that_cannot_be_used(unknown, folder, tmp_path, caplog):
+    rows = f"name,x,y,z,stddev_m\na/1.jpg,1,2,3,0.02\na/2.jpg,4,nan,6,0.02\nb/1.jpg,7,8,9,{unknown}\n"
     positions = read(tmp_path, folder, rows)
     assert [(photo.name, photo.centre, photo.accuracy_m) for photo in positions.photos] == [
-        ("a/1.jpg", (1, 2, 3), 0.02)
+        ("a/1.jpg", (1, 2, 3), 0.02),
+        ("b/1.jpg", (7, 8, 9), None),
     ]
     assert positions.origin is None
-    assert "2 of 3 poses are left out: line 3: there is no y; line 4: its accuracy is -1" in caplog.text
+    assert "1 of 3 poses is left out: line 3: there is no y" in caplog.text
 
 
 def test_grid_coordinates(folder, tmp_path):

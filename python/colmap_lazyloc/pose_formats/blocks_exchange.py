@@ -10,7 +10,7 @@ from colmap_lazyloc.pose_formats.conventions import Convention
 from colmap_lazyloc.pose_formats.frames import Frame
 from colmap_lazyloc.pose_formats.geo import find_crs
 from colmap_lazyloc.pose_formats.posed_images import Source
-from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, of_largest_part
 from colmap_lazyloc.pose_formats.text import read_xml, report_unused
 
 CONVENTION = Convention("cam_from_world", rotation="matrix", vector="centre")
@@ -34,6 +34,7 @@ def parse(source: Source) -> RawPoses:
     if not photos:
         raise InputError(f"{source.path}: has no photo with a pose")
     orientation = _orientation(photos[0][0])
+    components: dict[str | None, str | None] = {}
 
     def parse_photo(item: tuple[ET.Element, ET.Element]) -> RawPose:
         group, photo = item
@@ -42,9 +43,11 @@ def parse(source: Source) -> RawPoses:
         rotation = [_number(photo, f"Pose/Rotation/{name}") for name in MATRIX]
         centre = [_number(photo, f"Pose/Center/{axis}") for axis in "xyz"]
         name = photo.findtext("ImagePath") or ""
+        components[name] = photo.findtext("Component")
         return RawPose(rotation, centre, name, camera=source.camera or _camera(group))
 
     poses = each(photos, parse_photo, lambda item: item[1].findtext("ImagePath"))
+    poses = of_largest_part(poses, lambda pose: components[pose.name], source.path)
     elements = [*groups, *(photo for _, photo in photos)]
     report_unused(source.path, [{child.tag: True for child in element} for element in elements], KNOWN)
     convention = dataclasses.replace(CONVENTION, camera_axes=ORIENTATIONS[orientation])

@@ -3,21 +3,20 @@
 import dataclasses
 import pathlib
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Sequence
-from typing import TypeVar
+from collections.abc import Sequence
 
 import numpy as np
 
 from colmap_lazyloc.array_types import Floats
-from colmap_lazyloc.errors import InputError, first_names, logger
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.pose_formats import odm_geo
 from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, NO_FRAME, Frame
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs
 from colmap_lazyloc.pose_formats.opensfm import grid_name
 from colmap_lazyloc.pose_formats.positions import GEODETIC
-from colmap_lazyloc.pose_formats.raw_poses import BadPose, each, errors_named
+from colmap_lazyloc.pose_formats.raw_poses import each_named, errors_named
 from colmap_lazyloc.pose_formats.signatures import Head, foreign
-from colmap_lazyloc.pose_formats.table import CENTRE, LATITUDE, LONGITUDE, NAME
+from colmap_lazyloc.pose_formats.table import CENTRE, LATITUDE, LONGITUDE, NAME, position_of
 from colmap_lazyloc.pose_formats.text import Row, Table, numbers, read_xml, split
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.text_files import read_entries
@@ -27,10 +26,7 @@ PIXEL = (("px", "imx", "pixelx", "u", "x"), ("py", "imy", "pixely", "v", "y"))
 MARKS_LAYOUT = "photo point x y"  # of Pix4D, which writes no header
 EXPECTED = "a list of OpenDroneMap, Metashape's XML of markers, or tables: `point x y z` and `photo point x y`"
 ODM_CORNER = 0.5  # OpenDroneMap counts pixels from the centre of the first one, COLMAP from its corner
-MAX_NUM_NAMED = 3
 MAX_DISTANCE_M = 1e5  # between a point and the origin of a model
-
-T = TypeVar("T")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,7 +128,7 @@ def _read_odm(path: pathlib.Path, found: ControlPoints) -> None:
         found.add_mark(words[5], name, (px + ODM_CORNER, py + ODM_CORNER))
 
     found.frame = _frame(grid_name(header))
-    _each(path, lines, lambda entry: parse(entry[1]), lambda entry: f"line {entry[0]}")
+    each_named(path, lines, lambda entry: parse(entry[1]), lambda entry: f"line {entry[0]}")
 
 
 def _read_metashape(path: pathlib.Path, found: ControlPoints) -> None:
@@ -162,7 +158,7 @@ def _read_metashape(path: pathlib.Path, found: ControlPoints) -> None:
         for location in marker.findall("location")
         if location.get("pinned", "true") in ("true", "1")
     ]
-    _each(path, items, parse, lambda item: f"a mark of '{item[0]}'")
+    each_named(path, items, parse, lambda item: f"a mark of '{item[0]}'")
 
 
 def _read_table(table: Table, found: ControlPoints) -> None:
@@ -179,9 +175,9 @@ def _read_table(table: Table, found: ControlPoints) -> None:
         if is_of_marks:
             found.add_mark(row.text(NAME), row.text(POINT), row.numbers(*PIXEL))
         else:
-            found.add_point(row.text(point), row.numbers(*vector))
+            found.add_point(row.text(point), position_of(row, vector))
 
-    _each(table.path, table.rows(), parse, lambda row: row.label)
+    each_named(table.path, table.rows(), parse, lambda row: row.label)
     table.report_unused()
 
 
@@ -193,11 +189,3 @@ def _check_finite(values: Sequence[float]) -> None:
 def _frame(crs: str) -> Frame:
     find_crs(crs)
     return Frame(crs)
-
-
-def _each(path: pathlib.Path, items: Iterable[T], parse: Callable[[T], None], label: Callable[[T], str]) -> None:
-    """Parses each item; damaged ones are left out, and named."""
-    bad = [item for item in each(items, parse, label) if isinstance(item, BadPose)]
-    if bad:
-        names = first_names([f"{item.label} ({item.reason})" for item in bad], MAX_NUM_NAMED)
-        logger.warning("%s: left out: %s", path, names)

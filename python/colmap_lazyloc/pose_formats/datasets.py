@@ -11,10 +11,10 @@ from collections.abc import Iterable, Mapping
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera
+from colmap_lazyloc.pose_formats.cameras import brown_camera, check_camera
 from colmap_lazyloc.pose_formats.naming import last_number
 from colmap_lazyloc.pose_formats.posed_images import Source
-from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, each_named, matrix_parts
 from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.pose_formats.text import numbers
 from colmap_lazyloc.text_files import read_entries, read_lines
@@ -128,11 +128,14 @@ def parse_arkit_scenes(source: Source) -> RawPoses:
 def _read_pincams(folder: pathlib.Path) -> Mapping[tuple[int, int], list[tuple[float, Camera]]]:
     """Returns the intrinsics in `..._intrinsics` with their times, by the size of the images."""
     found: dict[tuple[int, int], list[tuple[float, Camera]]] = {}
-    for path in sorted(folder.glob("*_intrinsics/*.pincam")):
+
+    def add(path: pathlib.Path) -> None:
         width, height, *pinhole = numbers(" ".join(read_lines(path)), 6)
-        size = int(width), int(height)
-        camera = Camera("PINHOLE", *size, tuple(pinhole))
-        found.setdefault(size, []).append((float(path.stem.rpartition("_")[2]), camera))
+        camera = Camera("PINHOLE", int(width), int(height), tuple(pinhole))
+        check_camera(camera)
+        found.setdefault((camera.width, camera.height), []).append((float(path.stem.rpartition("_")[2]), camera))
+
+    each_named(folder, sorted(folder.glob("*_intrinsics/*.pincam")), add, lambda path: path.name)
     return found
 
 

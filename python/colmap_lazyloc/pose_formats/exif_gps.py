@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from colmap_lazyloc.errors import InputError, logger
-from colmap_lazyloc.pose_formats.geo import GeoOrigin, to_geocentric
+from colmap_lazyloc.pose_formats.geo import GeoOrigin, is_height, to_geocentric
 from colmap_lazyloc.pose_formats.posed_images import Position, Positions, list_images, open_photo
 
 GPS_IFD = 0x8825
@@ -104,6 +104,8 @@ def _read_photo(name: str, path: pathlib.Path) -> GpsPosition | None:
     altitude = _number(gps.get(ALTITUDE))
     if altitude is not None and gps.get(ALTITUDE_REF) in BELOW_SEA_LEVEL:
         altitude = -altitude
+    if altitude is not None and not is_height(altitude):
+        altitude = None
     stddev = _number(gps.get(ERROR))
     if stddev is None or not 0 < stddev < MAX_STDDEV_M:
         return GpsPosition(name, latitude, longitude, altitude, DEFAULT_STDDEV_M, rtk)

@@ -114,9 +114,8 @@ class Frame:
         if crs.is_geocentric:
             return centres, self._axes(crs, centres, centres)
         geodetic = to_geodetic(crs, centres)
-        if crs.is_geographic:
-            # Without a fix, receivers write 0, 0.
-            geodetic[(centres[:, 0] == 0) & (centres[:, 1] == 0)] = np.nan
+        # Without a fix, receivers write 0, 0.
+        geodetic[(centres[:, 0] == 0) & (centres[:, 1] == 0)] = np.nan
         return to_geocentric(geodetic), self._axes(crs, centres, geodetic)
 
     @staticmethod

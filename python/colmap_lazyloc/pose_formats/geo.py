@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from colmap_lazyloc.errors import InputError, logger
 
 FILE_NAME = "geo.json"
+MIN_HEIGHT_M, MAX_HEIGHT_M = -5000.0, 50_000.0
 WGS84_3D = "EPSG:4979"
 _STEP = "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84"
 
@@ -146,9 +147,14 @@ def to_geodetic(crs: Any, points: Array) -> Array:
         geodetic = _transform(transformer, *points.T)[:, [1, 0, 2]]
     except pyproj.exceptions.ProjError as error:
         raise InputError(f"--crs {str(crs)[:40]}: {str(error).splitlines()[0][:120]}") from None
-    outside = (np.abs(geodetic[:, 0]) > 90) | (np.abs(geodetic[:, 1]) > 360)
+    outside = (np.abs(geodetic[:, 0]) > 90) | (np.abs(geodetic[:, 1]) > 360) | ~is_height(geodetic[:, 2])
     geodetic[outside] = np.nan
     return geodetic
+
+
+def is_height(heights_m: ArrayLike) -> NDArray[np.bool_]:
+    """True for heights that photos have; others, such as -9999 or 99999, mean that they are not known."""
+    return np.logical_and(np.greater(heights_m, MIN_HEIGHT_M), np.less(heights_m, MAX_HEIGHT_M))
 
 
 def from_geodetic(crs: Any, geodetic: Array) -> Array:

@@ -30,6 +30,8 @@ _UNREADABLE = """.jxl
 # Depth images next to colour ones, as 7 Scenes has them: frame-000000.color.png and frame-000000.depth.png.
 _DEPTH, _COLOUR = re.compile(r"([._-])depth(?=\.\w+$)", re.IGNORECASE), ("color", "colour", "rgb")
 IMAGE_SUFFIXES, PHONE_SUFFIXES = tuple(_READABLE.split()), tuple(_PHONES.split())
+# What macOS and network drives write beside photos: files `._photo.jpg`, and folders of these and of previews.
+NO_PHOTOS = ("._", "__MACOSX", "@eaDir", ".thumbnails", ".Trashes")
 UNREADABLE_SUFFIXES = tuple(_UNREADABLE.split())
 # Pillow refuses photos with twice as many pixels. Its own bound is below the 200 megapixels of some phones.
 MAX_NUM_PIXELS = 1 << 29
@@ -174,11 +176,14 @@ def list_images(
     closed = {os.path.realpath(path) for path in excluded}
     names = []
     for directory, folders, files in os.walk(folder, followlinks=True):
-        names += [(pathlib.Path(directory) / name).relative_to(folder).as_posix() for name in files]
+        photos = (name for name in files if not name.startswith(NO_PHOTOS))
+        names += [(pathlib.Path(directory) / name).relative_to(folder).as_posix() for name in photos]
         here = os.path.realpath(directory)
         # Does not follow a link to a folder above it, which would lead round and round.
         inside = {name: os.path.realpath(os.path.join(directory, name)) for name in folders}
         folders[:] = [
-            name for name in folders if inside[name] not in closed and not f"{here}/".startswith(f"{inside[name]}/")
+            name
+            for name in folders
+            if name not in NO_PHOTOS and inside[name] not in closed and not f"{here}/".startswith(f"{inside[name]}/")
         ]
     return sorted(name for name in names if name.lower().endswith(suffixes))

@@ -98,10 +98,9 @@ def _parse(source: Source) -> RawPoses:
     rows.require(EXPECTED, table.NAME, *vector)
 
     def parse_row(row: Row) -> RawPose:
-        accuracy = row.number(ACCURACY) if rows.has(ACCURACY) else None
-        if accuracy is not None and not 0 < accuracy < np.inf:
-            raise ValueError(f"its accuracy is {accuracy:g}")
-        return _position(row.text(table.NAME), row.numbers(*vector), accuracy)
+        accuracy = row.number(ACCURACY) if row.has(ACCURACY) else 0.0
+        is_known = 0 < accuracy < exif_gps.MAX_STDDEV_M  # receivers write 0, -1 or 999999 if it is not
+        return _position(row.text(table.NAME), table.position_of(row, vector), accuracy if is_known else None)
 
     poses = each(rows.rows(), parse_row, lambda row: row.label)
     rows.report_unused()

@@ -4,12 +4,13 @@ import contextlib
 import dataclasses
 import pathlib
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.conventions import Convention
 from colmap_lazyloc.pose_formats.frames import NO_FRAME, Frame, Similarity
@@ -32,6 +33,8 @@ _WORDS = (
     ),
     (r".*\barg(?:ument)? is an empty sequence|max\(\) iterable argument is empty", "it is empty"),
 )
+
+MAX_NUM_NAMED = 3  # of what is left out
 
 T = TypeVar("T")
 CameraOfSize = Callable[[tuple[int, int]], Camera]  # from the width and height of a photo in pixels
@@ -91,6 +94,27 @@ def each(items: Iterable[T], parse: Callable[[T], object], label: Callable[[T], 
         except DAMAGE as error:
             poses.append(BadPose(f"pose {index}" if label is None else str(label(item)), reason_of(error)))
     return poses
+
+
+def each_named(path: pathlib.Path, items: Iterable[T], parse: Callable[[T], None], label: Callable[[T], str]) -> None:
+    """Parses items that are no poses; damaged ones are left out, and named."""
+    bad = [item for item in each(items, parse, label) if isinstance(item, BadPose)]
+    if bad:
+        names = first_names([f"{item.label} ({item.reason})" for item in bad], MAX_NUM_NAMED)
+        logger.warning("%s: left out: %s", path, names)
+
+
+def of_largest_part(poses: list[Any], part_of: Callable[[RawPose], str | None], path: pathlib.Path) -> list[Any]:
+    """Returns the poses of the largest part of a reconstruction, because parts that are not connected have coordinates
+    of their own; `part_of`: its name, or None if it is not known. Poses of others are counted in a warning."""
+    count = Counter(part for pose in poses if isinstance(pose, RawPose) and (part := part_of(pose)) is not None)
+    if len(count) < 2:
+        return poses
+    ((largest, _),) = count.most_common(1)
+    kept = [pose for pose in poses if isinstance(pose, BadPose) or part_of(pose) in (largest, None)]
+    text = "%s: %d photos of %d other components are left out, because they have no transform to the same coordinates"
+    logger.warning(text, path, len(poses) - len(kept), len(count) - 1)
+    return kept
 
 
 def reason_of(error: Exception) -> str:

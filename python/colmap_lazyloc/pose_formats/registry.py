@@ -88,7 +88,7 @@ def _any_name(_: str) -> bool:
 
 def _is_geopose(head: Head, key: str) -> bool:
     """True for a GeoPose with this object, or for a folder of them."""
-    paths = sorted(head.path.rglob(f"*{geopose.ENDING}"))[:1] if head.is_folder else [head.path]
+    paths = head.path.rglob(f"*{geopose.ENDING}") if head.is_folder else [head.path]
     return any(Head(path).json("position", key) for path in paths)
 
 
@@ -284,7 +284,7 @@ FORMATS: dict[str, Format] = {
     "polycam": Format(
         "Polycam's raw data: the folder of keyframes, corrected_cameras",
         json_lists.parse_polycam,
-        lambda f: f.is_folder and any(Head(path).json("t_00") for path in sorted(f.path.glob("*.json"))[:1]),
+        lambda f: f.is_folder and any(Head(path).json("t_00") for path in f.path.glob("*.json")),
         Convention(TO_WORLD, "opengl", "matrix"),
         cameras="fx, fy, cx, cy, width, height",
     ),

@@ -104,6 +104,16 @@ FOREIGN: Sequence[tuple[str, Callable[[Head], bool], str]] = (
     ("a list of nerfstudio", lambda f: f.json("transform", "scale"), "give the transforms.json of the data"),
     ("a camera path of nerfstudio", lambda f: f.json("camera_path"), "give the transforms.json of the data"),
     ("an XMP file without a pose", lambda f: f.xml("xmpmeta"), "export XMP files with the poses of the cameras"),
+    (
+        "a file of Pix4D with matrices of its own coordinates",
+        lambda f: f.starts("fileName imageWidth") or f.name.endswith(("_pmatrix.txt", ".p4d")),
+        "give calibrated_external_camera_parameters.txt",
+    ),
+    (
+        "a trajectory of Open3D in JSON",
+        lambda f: f.json("class_name", "parameters"),
+        "write it by Open3D with the ending .log",
+    ),
     ("a project of Metashape", lambda f: f.name.endswith((".psx", ".psz")), "export the cameras as 'Agisoft XML'"),
     (
         "a reference table of Metashape",
@@ -135,6 +145,11 @@ FOREIGN: Sequence[tuple[str, Callable[[Head], bool], str]] = (
             or f.has("imageid", "cameraid")
         ),
         "give the folder of the model",
+    ),
+    (
+        "the track of a receiver or of a drone",
+        lambda f: f.name.endswith((".gpx", ".srt", ".nmea", ".pos")) or f.has("latitude", "longitude", "gimbalmode"),
+        "it does not name photos: give the folder of photos with GPS (exif)",
     ),
     ("JSON of an unknown kind", lambda f: f.text[:1] in ("{", "["), f"{_READABLE}: transforms.json, for example"),
     ("XML of an unknown kind", lambda f: f.text.startswith("<"), f"{_READABLE}: Agisoft XML, for example"),

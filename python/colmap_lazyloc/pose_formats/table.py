@@ -5,6 +5,7 @@ import csv
 import dataclasses
 import functools
 import io
+from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
@@ -34,6 +35,10 @@ NAME = (
 LATITUDE = ("latitude", "lat", "gpslatitude")
 LONGITUDE = ("longitude", "lon", "lng", "long", "gpslongitude")
 HEIGHT = ("height_m", "altitude", "alt", "elevation", "ellipsoidal_height", "gpsaltitude", "z")
+HEMISPHERES = (  # columns with the signs of others, as exiftool writes them: "S" or "South"
+    (LONGITUDE, ("gpslongituderef", "longituderef", "lonref"), "W"),
+    (LATITUDE, ("gpslatituderef", "latituderef", "latref"), "S"),
+)
 CENTRE = (("x", "px", "easting"), ("y", "py", "northing"), ("z", "pz"))
 TRANSLATION = ("tx", "ty", "tz")
 QUATERNION = ("qw", "qx", "qy", "qz")
@@ -72,7 +77,7 @@ def parse(source: Source) -> RawPoses:
         turn = row.numbers(*rotation)
         turn += [0.0] * (3 - len(turn))  # without a column for roll
         camera = None if source.camera is not None else camera_of_row(row)
-        return RawPose(turn, row.numbers(*vector), row.text(NAME), camera=camera)
+        return RawPose(turn, position_of(row, vector), row.text(NAME), camera=camera)
 
     poses = each(table.rows(), parse_row, lambda row: row.label)
     table.report_unused((*CAMERA_COLUMNS, *ROTATION_MATRIX))
@@ -88,9 +93,23 @@ def _position(table: Table) -> tuple[tuple[Names, ...], Frame, Convention]:
         # With a width, the height is that of the image.
         heights = HEIGHT if table.has("width") else (*HEIGHT, "height")
         return (LONGITUDE, LATITUDE, heights), Frame(GEOGRAPHIC), of_centre
-    if table.has(*TRANSLATION) and not table.has(*CENTRE):
+    if table.has(*TRANSLATION):
+        if table.has(*CENTRE):
+            raise InputError(
+                f"{table.path}: has x, y, z (the centre, beside world_from_cam) and tx, ty, tz (cam_from_world): keep "
+                "those that belong to its rotations"
+            )
         return TRANSLATION, Frame(), COLMAP
     return CENTRE, Frame(), of_centre
+
+
+def position_of(row: Row, columns: Sequence[Names]) -> list[float]:
+    """Returns three coordinates; a longitude or latitude is negative if another column says west or south."""
+    values = row.numbers(*columns)
+    for index, (axis, names, letter) in enumerate(HEMISPHERES):
+        if columns[index] == axis and row.has(names) and row.text(names)[:1].upper() == letter:
+            values[index] = -abs(values[index])
+    return values
 
 
 def _rotation(table: Table, convention: Convention) -> tuple[tuple[Names, ...], Convention]:

@@ -32,6 +32,7 @@ _SPELLINGS |= {
     for long, short in (("milli", "m"), ("centi", "c"), ("kilo", "k"))
     for metre in ("meter", "metre")
 }
+_ALL_UNITS = (*_UNITS, *_OTHER_UNITS, *_SPELLINGS, *(f"{name}s" for name in _SPELLINGS))
 SEPARATOR_LINE = re.compile(r"sep=.?")  # that Excel writes first, without blanks at its end
 _DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+([eE][-+]?\d+)?)$")
 
@@ -84,6 +85,8 @@ class Table:
         self._rows = [(number, split(line, like_row)) for number, line in body if line != head]
         if not self._rows:
             raise InputError(f"{path}: has no rows")
+        if head is not None and any(word in _ALL_UNITS for word in self._rows[0][1]):
+            raise InputError(f"{path}: has a line of units: write them in brackets behind the names, as in `x [mm]`")
         self.titles = [] if head is None else split(head.lstrip("# "), like)
         count = len(self._rows[0][1])
         known = {"qw", "m00", "r00", *(word for layout in layouts for word in layout.split())}
@@ -164,6 +167,11 @@ class Row:
         except ValueError:
             raise ValueError(f"expected a number, found '{text[:40]}'") from None
 
+    def has(self, names: Names) -> bool:
+        """True if there is a column of this name, whose value is not missing in this row."""
+        place = self._table.find(names)
+        return place is not None and place < len(self._words) and self._words[place].lower() not in MISSING
+
     def unit(self, names: Names) -> str:
         """Returns the unit of a column; empty if it has none."""
         place = self._table.find(names)
@@ -180,7 +188,7 @@ class Row:
 
 def simple_name(text: str) -> str:
     """Returns the name of a column without case, blanks, underscores and units."""
-    return re.sub(r"\[.*?\]|\(.*?\)|[\s_#\"]", "", text).lower()
+    return re.sub(r"\[[^\[\]]*\]|\([^()]*\)|[\s_#\"]", "", text).lower()
 
 
 def report_unused(path: pathlib.Path | str, items: Iterable[Any], known: str, kind: str = "keys") -> None:

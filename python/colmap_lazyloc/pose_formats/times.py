@@ -1,5 +1,6 @@
 """Finds the poses of photos by time."""
 
+import math
 import pathlib
 from collections.abc import Sequence
 
@@ -99,19 +100,25 @@ def _read_list(path: pathlib.Path, source: Source) -> dict[str, float]:
                 )
                 return {}
             return dict(zip(photos, values))
-        rows = [row for row in rows if len(row) == 2]
-        time = 0 if all(_is_number(row[0]) for row in rows) else 1
-        times = {row[1 - time]: float(row[time]) for row in rows}
     except ValueError:
         return {}
+    rows = [row for row in rows if len(row) == 2]
+    time = max((0, 1), key=lambda column: sum(_is_number(row[column]) for row in rows))
+    good = [row for row in rows if _is_number(row[time])]
+    if 2 * len(good) <= len(rows):
+        return {}
+    if len(good) < len(rows):
+        logger.warning("%s: %d of %d lines have no time", path, len(rows) - len(good), len(rows))
+    times = {row[1 - time]: float(row[time]) for row in good}
     found = Names.match(list(times), source.photos)
+    if not found.photos:
+        logger.warning("%s: is not used, because it names no photo in %s", path, source.photos.folder)
     values = list(times.values())
     return {name: values[index] for index, name in found.photos.items()}
 
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        return math.isfinite(float(text))
     except ValueError:
         return False
-    return True

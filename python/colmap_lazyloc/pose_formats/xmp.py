@@ -15,7 +15,7 @@ from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.naming import ENDING as PHOTO_ENDING
 from colmap_lazyloc.pose_formats.naming import files_by_name, inside
 from colmap_lazyloc.pose_formats.posed_images import Source
-from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, of_largest_part
 from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.pose_formats.table import FILM_COEFFICIENTS, film_camera, film_values
 from colmap_lazyloc.pose_formats.text import numbers, read_xml, report_unused, words
@@ -38,19 +38,18 @@ KNOWN = (
 
 def is_one(head: Head) -> bool:
     """True for a file with a pose, or for a folder of them."""
-    paths = sorted(head.path.rglob(f"*{ENDING}"))[:1] if head.is_folder else [head.path]
+    paths = head.path.rglob(f"*{ENDING}") if head.is_folder else [head.path]
     return any(file.xml("xmpmeta") and f":{ROTATION}" in file.text for file in map(Head, paths))
 
 
 def parse(source: Source) -> RawPoses:
     """Reads a folder of files, or one; the names of photos are those of the files without their endings."""
 
-    given = []
+    given: dict[str, dict[str, str]] = {}
 
     def parse_file(file: tuple[str, pathlib.Path]) -> RawPose:
         name, path = file
-        values = _values(path)
-        given.append(values)
+        values = given[name] = _values(path)
         camera = None
         if source.camera is None and INTRINSICS["f"] in values:
             camera = functools.partial(film_camera, _film(values))
@@ -58,8 +57,13 @@ def parse(source: Source) -> RawPoses:
         return RawPose(rotation, numbers(values[POSITION], 3), name, camera=camera)
 
     poses = each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name)
-    report_unused(source.path, given, KNOWN)
-    return RawPoses(poses)
+    report_unused(source.path, given.values(), KNOWN)
+    return RawPoses(of_largest_part(poses, lambda pose: _component(given[pose.name or ""]), source.path))
+
+
+def _component(values: dict[str, str]) -> str | None:
+    """Returns the component of a photo; None for coordinates that all components share."""
+    return None if values.get("Coordinates") == "absolute" else values.get("ComponentId")
 
 
 def _values(path: pathlib.Path) -> dict[str, str]:
