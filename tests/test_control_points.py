@@ -166,6 +166,20 @@ def test_markers_of_metashape(run, capsys):
     assert_shift_found(*run.compare(capsys, path), AXES)
 
 
+@pytest.mark.parametrize(
+    ("columns", "crs", "name"),
+    [
+        ("X/Easting,Y/Northing,Z/Altitude", "EPSG:32632", "WGS 84 / UTM zone 32N (EPSG::32632)"),
+        ("X/Longitude,Y/Latitude,Z/Altitude", "EPSG:4979", "WGS 84 (EPSG::4326)"),
+    ],
+)
+def test_table_of_markers_of_metashape(columns, crs, name, run, capsys):
+    _, marks = run.tables()
+    rows = [f"{point},{','.join(map(repr, map(float, place)))}" for point, place in grid(run, crs).items()]
+    path = run.write("markers.txt", f"#CoordinateSystem: {name}", f"#Label,{columns}", *rows, "# Total error,,,")
+    assert_shift_found(*run.compare(capsys, path, marks), AXES)
+
+
 def test_marks_of_pix4d_have_no_header(run, capsys):
     points, marks = run.tables(grid(run))
     marks.write_text("".join(marks.read_text().splitlines(keepends=True)[1:]))

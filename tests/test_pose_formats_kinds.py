@@ -1039,3 +1039,25 @@ def test_files_of_macos_and_of_network_drives_are_no_photos(tmp_path):
 def test_brackets_without_end_take_no_time(tmp_path):
     with pytest.raises(InputError, match="is not JSON"):
         read(save(tmp_path, "a.json", '{"frames":' + "[" * 60_000))
+
+
+@pytest.mark.parametrize("kind", ["12scenes", "scannet"])
+@pytest.mark.parametrize("shift", [0.0, 0.02])
+def test_colour_cameras_beside_the_poses_are_refused(kind, shift, tmp_path):
+    names = [
+        f"data/frame-{index + 2:06}.color.jpg" if kind == "12scenes" else f"color/{index}.jpg" for index in range(2)
+    ]
+    truth = make_poses(names)
+    path = (pose_writers.twelve_scenes if kind == "12scenes" else pose_writers.scannet)(tmp_path, truth)
+    matrix = f"1 0 0 {shift} 0 1 0 0 0 0 1 0 0 0 0 1"
+    if kind == "12scenes":
+        with (path / "info.txt").open("a") as file:
+            file.write(f"m_calibrationColorExtrinsic = {matrix}\n")
+    else:
+        save(path, "intrinsic/extrinsic_color.txt", matrix + "\n")
+    photos = write_named(tmp_path / "photos", truth)
+    if shift:
+        with pytest.raises(InputError, match="moves the colour camera against the poses"):
+            read(path, photos)
+    else:
+        assert_poses(read(path, photos), truth)

@@ -28,9 +28,10 @@ import scipy.optimize
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError, Parser, command, first_names, logger
 from colmap_lazyloc.model import Camera, read_model
-from colmap_lazyloc.pose_formats.control_points import MAX_NUM_NAMED, Mark, read_control_points
+from colmap_lazyloc.pose_formats.control_points import Mark, read_control_points
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.naming import Names, natural_key
+from colmap_lazyloc.pose_formats.raw_poses import MAX_NUM_NAMED
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.pycolmap_types import image_from_cam, to_pycolmap_camera, to_rigid3d
 from colmap_lazyloc.results import MODEL, RESULTS, find_run, pose_of, read_results

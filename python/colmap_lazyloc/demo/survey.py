@@ -13,6 +13,7 @@ import pathlib
 
 import numpy as np
 from PIL import Image
+from PIL.ExifTags import GPS, IFD
 
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.demo.scene import BOXES, View, build_scene, write_images
@@ -26,7 +27,6 @@ ORIGIN = GeoOrigin(47.3769, 8.5417, 408.0)
 HEIGHT = 11.0  # of the flight, above the ground
 POSE_NOISE_M, MARK_NOISE_PX = 0.01, 0.3
 GPS_NOISE_M = np.array([2.0, 2.0, 4.0])
-GPS_IFD = 0x8825
 
 
 def make_survey(output: pathlib.Path, seed: int) -> None:
@@ -75,8 +75,15 @@ def write_gps(path: pathlib.Path, position: Floats) -> None:
     """Writes a position into the EXIF of a photo, without compressing it again."""
     latitude, longitude, height = ORIGIN.to_geodetic(position[None])[0]
     exif = Image.Exif()
-    gps = {1: "N", 2: _degrees(latitude), 3: "E", 4: _degrees(longitude), 5: b"\0", 6: round(float(height), 2)}
-    exif.get_ifd(GPS_IFD).update(gps)
+    gps: dict[int, object] = {
+        GPS.GPSLatitudeRef: "N",
+        GPS.GPSLatitude: _degrees(latitude),
+        GPS.GPSLongitudeRef: "E",
+        GPS.GPSLongitude: _degrees(longitude),
+        GPS.GPSAltitudeRef: b"\0",
+        GPS.GPSAltitude: round(float(height), 2),
+    }
+    exif.get_ifd(IFD.GPSInfo).update(gps)
     block = exif.tobytes()
     photo = path.read_bytes()
     path.write_bytes(photo[:2] + b"\xff\xe1" + (len(block) + 2).to_bytes(2, "big") + block + photo[2:])

@@ -23,10 +23,9 @@ from colmap_lazyloc.pose_formats.posed_images import (
     Positions,
     Source,
 )
-from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, BadPose, RawPose, RawPoses, reason_of
+from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, MAX_NUM_NAMED, BadPose, RawPose, RawPoses, reason_of
 from colmap_lazyloc.poses import Pose
 
-MAX_NUM_NAMED = 3  # of what is left out
 MIN_NUM_DEGREES = 3  # poses, fewer of which show nothing about their coordinates
 MAX_DEGREES = 0.2  # that photos of a place are apart
 FAR_RATIO, HIGH_RATIO = 20, 10  # of their distance from 0, and of their heights in metres, to this

@@ -11,13 +11,13 @@ from colmap_lazyloc.pose_formats.frames import Frame
 from colmap_lazyloc.pose_formats.geo import find_crs
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, of_largest_part
-from colmap_lazyloc.pose_formats.text import read_xml, report_unused
+from colmap_lazyloc.pose_formats.text import read_xml, report_unused, words_of
 
 CONVENTION = Convention("cam_from_world", rotation="matrix", vector="centre")
 ORIENTATIONS = {"XRightYDown": "opencv", "XRightYUp": "opengl"}
 DISTORTION = {"k1", "k2", "k3", "p1", "p2"}
 # Elements of photos and of their groups that are read, and those of names, places of files, EXIF, masks and depths.
-KNOWN = (
+KNOWN = words_of(
     "name imagedimensions cameramodeltype cameramodelband focallength focallengthpixels sensorsize cameraorientation "
     "principalpoint distortion aspectratio skew photo id imagepath pose component exifdata maskpath neardepth "
     "mediandepth fardepth"

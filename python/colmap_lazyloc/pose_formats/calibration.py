@@ -17,12 +17,12 @@ from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera
 from colmap_lazyloc.pose_formats.conventions import nearest_rotation
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, matrix_parts
-from colmap_lazyloc.pose_formats.text import numbers, report_unused
+from colmap_lazyloc.pose_formats.text import numbers, report_unused, words_of
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.text_files import read_entries
 
 # What is read of EuRoC and of Kalibr, and what has nothing to do with the camera's pose on the body.
-KNOWN = (
+KNOWN = words_of(
     "tbs cam0 tcamimu cameramodel intrinsics resolution distortionmodel distortioncoefficients distortioncoeffs "
     "sensortype comment ratehz rostopic camoverlaps"
 )

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from colmap_lazyloc.model import CAMERA_MODELS, Camera
+from colmap_lazyloc.pose_formats.text import words_of
 
 MAX_IMAGE_SIZE = 1 << 20  # pixels; more is a mistake
 # What real cameras have; a photo that is a part of another one has its principal point far from its middle.
@@ -13,7 +14,9 @@ FOCAL_LENGTHS = 0.05, 50.0  # relative to the longer side
 PRINCIPAL_POINTS = 0.02, 0.98  # relative to the width and the height
 MAX_ROUNDING = 2e-3  # relative, of a focal length that is also given as an angle
 # What named_camera reads, and the size of the photos.
-CAMERA_NAMES = "w h fx fy flx fly cx cy cameraanglex cameraangley cameramodel isfisheye k1 k2 k3 k4 k5 k6 p1 p2"
+CAMERA_NAMES = words_of(
+    "w h fx fy flx fly cx cy cameraanglex cameraangley cameramodel isfisheye k1 k2 k3 k4 k5 k6 p1 p2"
+)
 COEFFICIENT = re.compile(r"[bkpst]\d|s[xy]\d+|skew|xi")
 PERSPECTIVE = ("OPENCV", "FULL_OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE")

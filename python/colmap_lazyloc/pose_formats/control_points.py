@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
@@ -25,6 +26,13 @@ POINT = ("point", "gcp", "gcpname", "gcplabel", "marker", "controlpoint", "point
 PIXEL = (("px", "imx", "pixelx", "u", "x"), ("py", "imy", "pixely", "v", "y"))
 MARKS_LAYOUT = "photo point x y"  # of Pix4D, which writes no header
 EXPECTED = "a list of OpenDroneMap, Metashape's XML of markers, or tables: `point x y z` and `photo point x y`"
+# Columns of the table of markers that Metashape exports, below a line `#CoordinateSystem: ... (EPSG::32632)`.
+METASHAPE = (
+    ("x/easting", "y/northing", "z/altitude"),
+    ("x/east", "y/north", "z/altitude"),
+    ("x/longitude", "y/latitude", "z/altitude"),
+)
+METASHAPE_SYSTEM = re.compile(r"#CoordinateSystem:.*\(EPSG::?(\d+)\)")
 ODM_CORNER = 0.5  # OpenDroneMap counts pixels from the centre of the first one, COLMAP from its corner
 MAX_DISTANCE_M = 1e5  # between a point and the origin of a model
 
@@ -106,7 +114,10 @@ def _read(path: pathlib.Path, found: ControlPoints) -> None:
     elif b"\0" in head.data or head.text[:1] in ("<", "{", "["):
         raise InputError(f"{(foreign(head) or 'is unknown').partition(':')[0]}: expected are {EXPECTED}")
     else:
-        has_no_header = head.count_numbers(split(head.first_line, head.first_line)[-2:]) > 0
+        has_no_header = head.count_numbers(split(head.first_line, head.first_line)[-2:]) > 0 and not head.has("label")
+        system = METASHAPE_SYSTEM.search(head.text[:1000])
+        if system is not None:
+            found.frame = _frame(f"EPSG:{system[1]}")
         _read_table(Table(path, (MARKS_LAYOUT,) if has_no_header else ()), found)
 
 
@@ -166,7 +177,8 @@ def _read_table(table: Table, found: ControlPoints) -> None:
     is_of_marks = table.has(NAME, POINT, *PIXEL) and not table.has("z")
     point = POINT if table.has(POINT) else NAME
     is_geodetic = table.has(LATITUDE, LONGITUDE)
-    vector = GEODETIC if is_geodetic else CENTRE
+    of_metashape = next((columns for columns in METASHAPE if table.has(*columns)), CENTRE)
+    vector = GEODETIC if is_geodetic else of_metashape
     if not is_of_marks:
         table.require(EXPECTED, point, *vector)
         found.frame = Frame(GEOGRAPHIC) if is_geodetic else found.frame

@@ -8,6 +8,8 @@ import pathlib
 import re
 from collections.abc import Iterable, Mapping
 
+import numpy as np
+
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
@@ -23,6 +25,8 @@ from colmap_lazyloc.text_files import read_entries, read_lines
 KINECT = Camera("SIMPLE_PINHOLE", 640, 480, (525.0, 320.0, 240.0))
 POSE, TRAINING = ".pose.txt", "TrainSplit.txt"
 SCANNET_INTRINSICS = "intrinsic/intrinsic_color.txt"
+SCANNET_EXTRINSICS = "intrinsic/extrinsic_color.txt"
+MAX_EXTRINSIC = 1e-4  # of an element that is taken for 0 or 1
 TRAJECTORY = "lowres_wide.traj"
 
 
@@ -64,6 +68,7 @@ def parse_twelve_scenes(source: Source) -> RawPoses:
     info = dict(re.findall(r"(\w+) *= *(.*)", "\n".join(read_lines(source.path / "info.txt"))))
     size = int(info["m_colorWidth"]), int(info["m_colorHeight"])
     camera = _camera_of_matrix(numbers(info["m_calibrationColorIntrinsic"], 16), size)
+    _require_identity(source.path / "info.txt", "m_calibrationColorExtrinsic", info.get("m_calibrationColorExtrinsic"))
     paths = sorted((source.path / "data").glob(f"frame-*{POSE}"))
     split = source.path / "split.txt"
     if split.is_file():
@@ -97,6 +102,9 @@ def parse_scannet(source: Source) -> RawPoses:
     """Reads what ScanNet's reader exports: pose/17.txt and intrinsic/, beside color/17.jpg."""
     values = numbers(" ".join(read_lines(source.path / SCANNET_INTRINSICS)), 16)
     camera = functools.partial(_camera_of_matrix, values)
+    extrinsics = source.path / SCANNET_EXTRINSICS
+    if extrinsics.is_file():
+        _require_identity(extrinsics, "it", " ".join(read_lines(extrinsics)))
 
     def parse_pose(path: pathlib.Path) -> RawPose:
         return RawPose(*_matrix(path), f"color/{path.stem}.jpg", camera=camera)
@@ -149,6 +157,15 @@ def _nearest_camera(
 
 def _matrix(path: pathlib.Path) -> tuple[Floats, Floats]:
     return matrix_parts(numbers(" ".join(read_lines(path)), 16))
+
+
+def _require_identity(path: pathlib.Path, title: str, text: str | None) -> None:
+    """Refuses a colour camera that is not where the poses are."""
+    if text is not None and not np.allclose(numbers(text, 16), np.eye(4).ravel(), atol=MAX_EXTRINSIC):
+        raise InputError(
+            f"{path}: {title} moves the colour camera against the poses, and does not say in which direction: give "
+            "the colour camera's own poses, with the identity there"
+        )
 
 
 def _camera_of_matrix(values: list[float], size: tuple[int, int]) -> Camera:

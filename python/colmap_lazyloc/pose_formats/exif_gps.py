@@ -13,8 +13,6 @@ from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, is_height, to_geocentric
 from colmap_lazyloc.pose_formats.posed_images import Position, Positions, list_images, open_photo
 
-GPS_IFD = 0x8825
-LATITUDE_REF, LATITUDE, LONGITUDE_REF, LONGITUDE, ALTITUDE_REF, ALTITUDE, ERROR = 1, 2, 3, 4, 5, 6, 31
 TITLE = "GPS"
 BELOW_SEA_LEVEL = (1, b"\x01")
 DEFAULT_STDDEV_M = 5.0
@@ -88,25 +86,25 @@ def _middle(positions: Sequence[GpsPosition]) -> GeoOrigin:
 
 def _read_photo(name: str, path: pathlib.Path) -> GpsPosition | None:
     """Returns the position of a photo; None if it has none that makes sense."""
+    from PIL.ExifTags import GPS, IFD
+
     try:
         with open_photo(path) as photo:
-            gps: dict[int, Any] = dict(photo.getexif().get_ifd(GPS_IFD))
+            gps: dict[int, Any] = dict(photo.getexif().get_ifd(IFD.GPSInfo))
             rtk = _rtk_stddev(photo)
-        latitude = _degrees(gps[LATITUDE]) * (-1 if _text(gps[LATITUDE_REF]) == "S" else 1)
-        longitude = _degrees(gps[LONGITUDE]) * (-1 if _text(gps[LONGITUDE_REF]) == "W" else 1)
-    except ImportError:
-        raise
+        latitude = _degrees(gps[GPS.GPSLatitude]) * (-1 if _text(gps[GPS.GPSLatitudeRef]) == "S" else 1)
+        longitude = _degrees(gps[GPS.GPSLongitude]) * (-1 if _text(gps[GPS.GPSLongitudeRef]) == "W" else 1)
     except Exception:  # Pillow's errors for damaged files are of many types
         return None
     # Without a fix, cameras write 0, 0.
     if not (abs(latitude) <= 90 and abs(longitude) <= 180) or (latitude, longitude) == (0, 0):
         return None
-    altitude = _number(gps.get(ALTITUDE))
-    if altitude is not None and gps.get(ALTITUDE_REF) in BELOW_SEA_LEVEL:
+    altitude = _number(gps.get(GPS.GPSAltitude))
+    if altitude is not None and gps.get(GPS.GPSAltitudeRef) in BELOW_SEA_LEVEL:
         altitude = -altitude
     if altitude is not None and not is_height(altitude):
         altitude = None
-    stddev = _number(gps.get(ERROR))
+    stddev = _number(gps.get(GPS.GPSHPositioningError))
     if stddev is None or not 0 < stddev < MAX_STDDEV_M:
         return GpsPosition(name, latitude, longitude, altitude, DEFAULT_STDDEV_M, rtk)
     return GpsPosition(name, latitude, longitude, altitude, stddev, rtk or stddev * math.hypot(1, HEIGHT_RATIO))

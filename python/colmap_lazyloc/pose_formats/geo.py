@@ -154,7 +154,8 @@ def to_geodetic(crs: Any, points: Array) -> Array:
 
 def is_height(heights_m: ArrayLike) -> NDArray[np.bool_]:
     """True for heights that photos have; others, such as -9999 or 99999, mean that they are not known."""
-    return np.logical_and(np.greater(heights_m, MIN_HEIGHT_M), np.less(heights_m, MAX_HEIGHT_M))
+    heights = np.asarray(heights_m, float)
+    return (heights > MIN_HEIGHT_M) & (heights < MAX_HEIGHT_M)
 
 
 def from_geodetic(crs: Any, geodetic: Array) -> Array:

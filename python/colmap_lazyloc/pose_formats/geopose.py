@@ -36,7 +36,7 @@ def parse(source: Source, rotation: Rotation) -> RawPoses:
         return RawPose(turn, position, name, camera=source.camera)
 
     poses = each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name)
-    report_unused(source.path, given, f"position {rotation[0]} validtime")
+    report_unused(source.path, given, {"position", rotation[0], "validtime"})
     return RawPoses(poses, Frame(GEOGRAPHIC))
 
 

@@ -8,12 +8,12 @@ import numpy as np
 from colmap_lazyloc.pose_formats.cameras import CAMERA_NAMES, brown_camera, named_camera
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
-from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused, simple_name
+from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused, simple_name, words_of
 
 # Keys that are read, and those of depth maps, times and qualities of photos.
-RECORD3D = "w h k fps poses perframeintrinsiccoeffs frametimestamps initpose cameratype dw dh"
-POLYCAM = f"width height timestamp blurscore centerdepth manualkeyframe neighbors {CAMERA_NAMES}"
-SPLATTING = f"id imgname width height position rotation {CAMERA_NAMES}"
+RECORD3D = words_of("w h k fps poses perframeintrinsiccoeffs frametimestamps initpose cameratype dw dh")
+POLYCAM = CAMERA_NAMES | words_of("width height timestamp blurscore centerdepth manualkeyframe neighbors")
+SPLATTING = CAMERA_NAMES | words_of("id imgname width height position rotation")
 
 
 def parse_record3d(source: Source) -> RawPoses:

@@ -30,7 +30,7 @@ from colmap_lazyloc.pose_formats.geo import GeoOrigin, local_axes, to_geocentric
 from colmap_lazyloc.pose_formats.naming import short_names
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
-from colmap_lazyloc.pose_formats.text import numbers, read_xml, report_unused, words
+from colmap_lazyloc.pose_formats.text import numbers, read_xml, report_unused, words, words_of
 
 MAX_SKEW_PX = 1.0  # of b2, which COLMAP's camera models lack; it moves pixels at the border by less than half of it
 FISHEYE = ("fisheye", "equidistant_fisheye")  # the second since version 2.1
@@ -42,7 +42,7 @@ WGS84 = (
     'PRIMEM["Greenwich",0],UNIT["degree",0.01745329251994328],AUTHORITY["EPSG","4326"]]'
 )
 COEFFICIENTS = {"k1", "k2", "k3", "k4", "p1", "p2", "b1", "b2"}
-KNOWN = f"f fx fy cx cy resolution covariance date {' '.join(COEFFICIENTS)}"  # elements of a calibration
+KNOWN = COEFFICIENTS | words_of("f fx fy cx cy resolution covariance date")  # elements of a calibration
 
 
 def parse(source: Source) -> RawPoses:

@@ -28,7 +28,7 @@ from colmap_lazyloc.pose_formats.frames import Frame, Similarity
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs, from_geodetic
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
-from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused
+from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused, words_of
 from colmap_lazyloc.text_files import read_lines
 
 TOPOCENTRIC = "reconstruction.topocentric.json"
@@ -40,10 +40,10 @@ TYPES = {  # with the coefficients that a camera of this type must have
 }
 # Keys that are read, and those of points, meshes, GPS and rigs beside the poses. Poses are those of photos as they are
 # stored, whatever their orientation.
-KNOWN = (
+KNOWN = CAMERA_NAMES | words_of(
     "cameras shots points referencella biases rigcameras riginstances rotation translation camera orientation "
     "capturetime gpsdop gpsposition gpsaccuracy compass gravity skey sequencekey vertices faces scale covariance "
-    f"mergecc projectiontype width height focal focalx focaly focalprior k1prior k2prior filename {CAMERA_NAMES}"
+    "mergecc projectiontype width height focal focalx focaly focalprior k1prior k2prior filename"
 )
 MAX_NUM_TRIED = 5  # photos, for the zone of UTM
 MAX_GRID_ERROR_M = 5.0  # between the two positions of a photo in shots.geojson

@@ -58,7 +58,7 @@ REALITY_CAPTURE = ("#name", "x", "y", "alt", "heading", "pitch", "roll", "f", "p
 IN_PIXELS = {"f", "fx", "fy", "flx", "fly", "cx", "cy"}
 ROTATION_MATRIX = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))  # of Metashape, beside angles
 ALIASES = {"width": "w", "height": "h", "heightpx": "h", "f": "fx", "model": "cameramodel"}
-CAMERA_COLUMNS = (*CAMERA_NAMES.split(), *ALIASES)
+CAMERA_COLUMNS = CAMERA_NAMES | ALIASES.keys()
 
 
 def parse(source: Source) -> RawPoses:
@@ -80,7 +80,7 @@ def parse(source: Source) -> RawPoses:
         return RawPose(turn, position_of(row, vector), row.text(NAME), camera=camera)
 
     poses = each(table.rows(), parse_row, lambda row: row.label)
-    table.report_unused((*CAMERA_COLUMNS, *ROTATION_MATRIX))
+    table.report_unused(CAMERA_COLUMNS.union(ROTATION_MATRIX))
     if vector == TRANSLATION:
         logger.info("%s: tx, ty, tz are taken as COLMAP's cam_from_world (x, y, z would be the centre)", source.path)
     return RawPoses(poses, frame, convention)

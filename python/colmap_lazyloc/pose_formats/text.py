@@ -6,7 +6,7 @@ import math
 import pathlib
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import Any
 
 import numpy as np
@@ -129,9 +129,9 @@ class Table:
         if not self.has(*names):
             raise InputError(f"{self.path}: has the columns {', '.join(self.titles)[:300]}; expected are {expected}")
 
-    def report_unused(self, used: Sequence[str] = ()) -> None:
+    def report_unused(self, used: Iterable[str] = ()) -> None:
         """Names the columns that nobody has looked for, and that are not among those used."""
-        report_unused(self.path, [dict(zip(self.titles, self.titles))], " ".join(self._used.union(used)), "columns")
+        report_unused(self.path, [dict(zip(self.titles, self.titles))], self._used.union(used), "columns")
 
 
 class Row:
@@ -191,15 +191,14 @@ def simple_name(text: str) -> str:
     return re.sub(r"\[[^\[\]]*\]|\([^()]*\)|[\s_#\"]", "", text).lower()
 
 
-def report_unused(path: pathlib.Path | str, items: Iterable[Any], known: str, kind: str = "keys") -> None:
+def report_unused(path: pathlib.Path | str, items: Iterable[Any], known: Set[str], kind: str = "keys") -> None:
     """Names the keys of objects that nobody reads, unless their values are empty, false or 0.
 
     `known`: the simple names of the keys that are read, and of others that change neither poses nor intrinsics.
     """
     objects = (item for item in items if isinstance(item, Mapping))
     names = dict.fromkeys(name for item in objects for name, value in item.items() if value)
-    simple_names = known.split()
-    unused = [name for name in names if simple_name(name) not in simple_names]
+    unused = [name for name in names if simple_name(name) not in known]
     if unused:
         logger.warning("%s: %s that are not used: %s", path, kind, ", ".join(unused)[:300])
 
@@ -275,6 +274,11 @@ def numbers(values: Any, count: int) -> list[float]:
 def words(*values: Any, separator: str = " ") -> str:
     """Returns the numbers of arrays, from which the same numbers are read again."""
     return separator.join(repr(float(number)) for value in values for number in np.ravel(value))
+
+
+def words_of(text: str) -> frozenset[str]:
+    """Returns the words of a text."""
+    return frozenset(text.split())
 
 
 def _is_named(line: str) -> bool:

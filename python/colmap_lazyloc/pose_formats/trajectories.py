@@ -73,7 +73,7 @@ def parse(source: Source, layouts: Sequence[str], convention: Convention, takes_
         )
 
     poses = each(table.rows(), parse_row, lambda row: row.label)
-    table.report_unused((*CAMERA_COLUMNS, *LAST_ROW.split(), *VELOCITIES))
+    table.report_unused(CAMERA_COLUMNS.union(LAST_ROW.split(), VELOCITIES))
     return RawPoses(poses, convention=convention)
 
 

@@ -24,17 +24,17 @@ from colmap_lazyloc.pose_formats.conventions import nearest_rotation
 from colmap_lazyloc.pose_formats.frames import Similarity
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, RawPose, RawPoses, each, matrix_parts, reason_of
-from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused, simple_name
+from colmap_lazyloc.pose_formats.text import numbers, read_json, report_unused, simple_name, words_of
 
 HOLDS = {PERSPECTIVE_KIND: "fy k1 k2 k3 p1 p2", FISHEYE_KIND: "fy k1 k2 k3 k4", SPHERICAL_KIND: ""}
 MODELS = {PERSPECTIVE_KIND: "OPENCV", FISHEYE_KIND: "OPENCV_FISHEYE", SPHERICAL_KIND: "EQUIRECTANGULAR"}
 DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
 APPLIED = "applied_transform", "applied_scale"  # from the coordinates before nerfstudio has turned them
 # Keys that are read, those of depth maps, of the space that a training fills, and of what photos have beside poses.
-KNOWN = (
+KNOWN = CAMERA_NAMES | words_of(
     "frames filepath transformmatrix rotation distortionparams appliedtransform appliedscale depthfilepath depthpath "
     "integerdepthscale enabledepthloading plyfilepath aabbscale renderaabb scale offset up time timestamp sharpness "
-    "orientationoverride autoscaleposesoverride trainfilenames valfilenames testfilenames colmapimid " + CAMERA_NAMES
+    "orientationoverride autoscaleposesoverride trainfilenames valfilenames testfilenames colmapimid"
 )
 DATAPARSER = "transform", "scale"  # of dataparser_transforms.json: from the same coordinates to those of a training
 

@@ -18,7 +18,7 @@ from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, of_largest_part
 from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.pose_formats.table import FILM_COEFFICIENTS, film_camera, film_values
-from colmap_lazyloc.pose_formats.text import numbers, read_xml, report_unused, words
+from colmap_lazyloc.pose_formats.text import numbers, read_xml, report_unused, words, words_of
 
 ENDING = ".xmp"
 XCR = "http://www.capturingreality.com/ns/xcr/1.1#"
@@ -29,7 +29,7 @@ INTRINSICS = {"f": "FocalLength35mm", "px": "PrincipalPointU", "py": "PrincipalP
 MODELS = ("perspective", "brown3", "brown3t2", "brown4", "brown4t2")
 FIXED = {"Skew": 0.0, "AspectRatio": 1.0}  # what COLMAP's camera models lack
 # What is read, and the priors, groups and uses of a photo in a project.
-KNOWN = (
+KNOWN = words_of(
     "rotation position distortioncoeficients focallength35mm principalpointu principalpointv skew aspectratio "
     "distortionmodel xmpmeta xmptk rdf description about version poseprior coordinates calibrationprior "
     "calibrationgroup distortiongroup intexturing incoloring inmeshing componentid latitude longitude altitude"

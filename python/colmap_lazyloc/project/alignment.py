@@ -173,6 +173,10 @@ def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float |
         else:
             tolerance *= 2
     if found is None:
+        # COLMAP finds no similarity if all are on one line.
+        _, width, _ = np.linalg.svd(targets - targets.mean(axis=0), compute_uv=False)
+        if width < (stddev or MIN_STDDEV_M):
+            return Fit(np.full(len(targets), np.inf), tolerance, np.inf)
         raise NotAlignedError(f"the {title} of the photos and their poses differ by more than {tolerance / 2:.0f} m")
     align(found.tolerance)
     return found
