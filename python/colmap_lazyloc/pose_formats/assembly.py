@@ -192,7 +192,7 @@ def _camera(item: RawPose, name: str, source: Source) -> Camera:
     """Returns the intrinsics that the file has for a photo."""
     if item.camera is None:
         raise ValueError("there are no intrinsics: give them as --camera")
-    return item.camera if isinstance(item.camera, Camera) else item.camera(source.photos.size(name))
+    return item.camera if isinstance(item.camera, Camera) else item.camera(lambda: source.photos.size(name))
 
 
 def _checked(image: PosedImage) -> PosedImage:

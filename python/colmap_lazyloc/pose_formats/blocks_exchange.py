@@ -1,11 +1,12 @@
 """Reads BlocksExchange, the XML of ContextCapture (iTwin Capture), which Metashape and others write, too."""
 
 import dataclasses
+import functools
 import xml.etree.ElementTree as ET
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera, refuse_others
+from colmap_lazyloc.pose_formats.cameras import SizeOfPhoto, brown_camera, refuse_others
 from colmap_lazyloc.pose_formats.conventions import Convention
 from colmap_lazyloc.pose_formats.frames import Frame
 from colmap_lazyloc.pose_formats.geo import find_crs
@@ -44,7 +45,7 @@ def parse(source: Source) -> RawPoses:
         centre = [_number(photo, f"Pose/Center/{axis}") for axis in "xyz"]
         name = photo.findtext("ImagePath") or ""
         components[name] = photo.findtext("Component")
-        return RawPose(rotation, centre, name, camera=source.camera or _camera(group))
+        return RawPose(rotation, centre, name, camera=functools.partial(_camera, group))
 
     poses = each(photos, parse_photo, lambda item: item[1].findtext("ImagePath"))
     poses = of_largest_part(poses, lambda pose: components[pose.name], source.path)
@@ -79,7 +80,7 @@ def _frame(root: ET.Element) -> Frame:
     return Frame(name)
 
 
-def _camera(group: ET.Element) -> Camera:
+def _camera(group: ET.Element, _: SizeOfPhoto) -> Camera:
     if group.findtext("CameraModelType", "Perspective") != "Perspective":
         raise ValueError("only the CameraModelType Perspective is supported")
     if _number(group, "AspectRatio", 1) != 1 or _number(group, "Skew", 0) != 0:

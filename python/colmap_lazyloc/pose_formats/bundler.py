@@ -9,7 +9,7 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import MAX_ROUNDING, brown_camera
+from colmap_lazyloc.pose_formats.cameras import MAX_ROUNDING, SizeOfPhoto, brown_camera
 from colmap_lazyloc.pose_formats.naming import clean
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
@@ -40,7 +40,7 @@ def parse(source: Source) -> RawPoses:
         if focal == 0:
             raise ValueError("it is not registered")
         camera = functools.partial(_camera, (focal, focal), (k1, k2))
-        return RawPose(rows[:3], rows[3], names[index], camera=source.camera or camera)
+        return RawPose(rows[:3], rows[3], names[index], camera=camera)
 
     return RawPoses(each(range(count), parse_camera, lambda index: names[index]))
 
@@ -61,7 +61,7 @@ def parse_nvm(source: Source) -> RawPoses:
         fx, cx, fy, cy, r = fixed or (focal, None, focal, None, r)
         camera = functools.partial(_camera_of_visual_sfm, (fx, fy), (cx, cy), r)
         # VisualSFM writes quotes for blanks in names.
-        return RawPose((w, x, y, z), centre, name.replace('"', " "), camera=source.camera or camera)
+        return RawPose((w, x, y, z), centre, name.replace('"', " "), camera=camera)
 
     count = int(lines[0])
     _warn_of_more_models(source, lines[1 + count :])
@@ -107,7 +107,7 @@ def parse_cambridge(source: Source) -> RawPoses:
     def parse_line(line: str) -> RawPose:
         name, *words = line.rsplit(maxsplit=7)
         values = numbers(words, 7)
-        return RawPose(values[3:], values[:3], name, camera=source.camera or cameras.get(_stem(name)))
+        return RawPose(values[3:], values[:3], name, camera=cameras.get(_stem(name)))
 
     lines = [line for _, line in read_entries(path)][2:]
     return RawPoses(each(lines, parse_line, lambda line: line.split()[0]))
@@ -117,13 +117,15 @@ def _stem(name: str) -> str:
     return clean(name).rpartition(".")[0]
 
 
-def _camera(focal: tuple[float, float], radial: Sequence[float], size: tuple[int, int]) -> Camera:
+def _camera(focal: tuple[float, float], radial: Sequence[float], size_of_photo: SizeOfPhoto) -> Camera:
+    size = size_of_photo()
     return brown_camera(size, focal, (size[0] / 2, size[1] / 2), tuple(radial))
 
 
 def _camera_of_visual_sfm(
-    focal: tuple[float, float], centre: tuple[float | None, float | None], r: float, size: tuple[int, int]
+    focal: tuple[float, float], centre: tuple[float | None, float | None], r: float, size_of_photo: SizeOfPhoto
 ) -> Camera:
     """Returns a camera whose distortion undistorts: x_undistorted = x (1 + r |x|^2). Its inverse is a series in r."""
+    size = size_of_photo()
     cx, cy = (length / 2 if value is None else value for value, length in zip(centre, size))
     return brown_camera(size, focal, (cx, cy), (-r, 3 * r**2, -12 * r**3))

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from colmap_lazyloc.model import CAMERA_MODELS, Camera
@@ -18,6 +18,7 @@ CAMERA_NAMES = words_of(
     "w h fx fy flx fly cx cy cameraanglex cameraangley cameramodel isfisheye k1 k2 k3 k4 k5 k6 p1 p2"
 )
 COEFFICIENT = re.compile(r"[bkpst]\d|s[xy]\d+|skew|xi")
+SizeOfPhoto = Callable[[], tuple[int, int]]  # looks up the width and height in pixels
 PERSPECTIVE = ("OPENCV", "FULL_OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE")
 
@@ -92,10 +93,11 @@ def spherical_camera(size: tuple[int, int]) -> Camera:
     return Camera("EQUIRECTANGULAR", *size, (float(size[0]), float(size[1])))
 
 
-def named_camera(values: Mapping[str, Any], size: tuple[int, int]) -> Camera:
-    """Makes a camera of values with the names of transforms.json, without their underscores, for photos of a size."""
+def named_camera(values: Mapping[str, Any], size_of_photo: SizeOfPhoto) -> Camera:
+    """Makes a camera of values with the names of transforms.json, without their underscores."""
     if any(name.startswith("ftheta") for name in values):
         raise ValueError("its f-theta lens is not supported: calibrate it as OPENCV_FISHEYE")
+    size = size_of(values) or size_of_photo()
     model = str(values.get("cameramodel") or "OPENCV").upper()
     if model == "EQUIRECTANGULAR":
         return spherical_camera(size)
@@ -130,7 +132,7 @@ def contradicted_angles(values: Mapping[str, Any], size: tuple[int, int]) -> dic
 
 def size_of(values: Mapping[str, Any]) -> tuple[int, int] | None:
     """Returns the width and height among named values; None if they are missing."""
-    width, height = (number(values, name, 0) for name in ("w", "h"))
+    width, height = (number(values, short, number(values, name)) for short, name in (("w", "width"), ("h", "height")))
     return (round(width), round(height)) if width and height else None
 
 

@@ -26,11 +26,10 @@ def parse(source: Source) -> RawPoses:
     model = read_model(source.path)
 
     def parse_image(image: Image) -> RawPose:
-        camera = source.camera or model.cameras[image.camera_id]
         qvec, norm = image.pose.qvec, float(np.linalg.norm(image.pose.qvec))
         # As COLMAP, accepts quaternions of any length; units keep every bit.
         unit = qvec if abs(norm - 1) < MAX_ROTATION_ERROR else qvec / norm
-        return RawPose(unit, image.pose.tvec, image.name, camera=camera)
+        return RawPose(unit, image.pose.tvec, image.name, camera=model.cameras[image.camera_id])
 
     posed = [image for image in model.images.values() if image.cam_from_world is not None]
     poses = each(posed, parse_image, lambda image: image.name)
@@ -86,6 +85,6 @@ def parse_poses(source: Source) -> RawPoses:
     def parse_line(entry: tuple[int, str]) -> RawPose:
         name, *words = entry[1].rsplit(maxsplit=7)
         values = numbers(words, 7)
-        return RawPose(values[:4], values[4:], name, camera=source.camera)
+        return RawPose(values[:4], values[4:], name)
 
     return RawPoses(each(lines, parse_line, lambda entry: f"line {entry[0]}"))

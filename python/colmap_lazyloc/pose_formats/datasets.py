@@ -13,18 +13,19 @@ import numpy as np
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera, check_camera
+from colmap_lazyloc.pose_formats.cameras import SizeOfPhoto, brown_camera, check_camera
 from colmap_lazyloc.pose_formats.naming import last_number
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, each_named, matrix_parts
 from colmap_lazyloc.pose_formats.signatures import Head
-from colmap_lazyloc.pose_formats.text import numbers
+from colmap_lazyloc.pose_formats.text import numbers, read_numbers
 from colmap_lazyloc.text_files import read_entries, read_lines
 
 # The Kinect's nominal focal length, with which results on 7 Scenes are published.
 KINECT = Camera("SIMPLE_PINHOLE", 640, 480, (525.0, 320.0, 240.0))
 POSE, TRAINING = ".pose.txt", "TrainSplit.txt"
 SCANNET_INTRINSICS = "intrinsic/intrinsic_color.txt"
+EXTRINSICS = "m_calibrationColorExtrinsic"  # of 12 Scenes
 SCANNET_EXTRINSICS = "intrinsic/extrinsic_color.txt"
 MAX_EXTRINSIC = 1e-4  # of an element that is taken for 0 or 1
 TRAJECTORY = "lowres_wide.traj"
@@ -67,8 +68,9 @@ def parse_twelve_scenes(source: Source) -> RawPoses:
     """Reads a scene without its first sequence, which is for testing."""
     info = dict(re.findall(r"(\w+) *= *(.*)", "\n".join(read_lines(source.path / "info.txt"))))
     size = int(info["m_colorWidth"]), int(info["m_colorHeight"])
-    camera = _camera_of_matrix(numbers(info["m_calibrationColorIntrinsic"], 16), size)
-    _require_identity(source.path / "info.txt", "m_calibrationColorExtrinsic", info.get("m_calibrationColorExtrinsic"))
+    camera = _camera_of_matrix(numbers(info["m_calibrationColorIntrinsic"], 16), lambda: size)
+    if EXTRINSICS in info:
+        _require_identity(source.path / "info.txt", EXTRINSICS, numbers(info[EXTRINSICS], 16))
     paths = sorted((source.path / "data").glob(f"frame-*{POSE}"))
     split = source.path / "split.txt"
     if split.is_file():
@@ -100,11 +102,10 @@ def is_scannet(head: Head) -> bool:
 
 def parse_scannet(source: Source) -> RawPoses:
     """Reads what ScanNet's reader exports: pose/17.txt and intrinsic/, beside color/17.jpg."""
-    values = numbers(" ".join(read_lines(source.path / SCANNET_INTRINSICS)), 16)
-    camera = functools.partial(_camera_of_matrix, values)
+    camera = functools.partial(_camera_of_matrix, read_numbers(source.path / SCANNET_INTRINSICS, 16))
     extrinsics = source.path / SCANNET_EXTRINSICS
     if extrinsics.is_file():
-        _require_identity(extrinsics, "it", " ".join(read_lines(extrinsics)))
+        _require_identity(extrinsics, "it", read_numbers(extrinsics, 16))
 
     def parse_pose(path: pathlib.Path) -> RawPose:
         return RawPose(*_matrix(path), f"color/{path.stem}.jpg", camera=camera)
@@ -138,7 +139,7 @@ def _read_pincams(folder: pathlib.Path) -> Mapping[tuple[int, int], list[tuple[f
     found: dict[tuple[int, int], list[tuple[float, Camera]]] = {}
 
     def add(path: pathlib.Path) -> None:
-        width, height, *pinhole = numbers(" ".join(read_lines(path)), 6)
+        width, height, *pinhole = read_numbers(path, 6)
         camera = Camera("PINHOLE", int(width), int(height), tuple(pinhole))
         check_camera(camera)
         found.setdefault((camera.width, camera.height), []).append((float(path.stem.rpartition("_")[2]), camera))
@@ -148,26 +149,27 @@ def _read_pincams(folder: pathlib.Path) -> Mapping[tuple[int, int], list[tuple[f
 
 
 def _nearest_camera(
-    cameras: Mapping[tuple[int, int], list[tuple[float, Camera]]], time: float, size: tuple[int, int]
+    cameras: Mapping[tuple[int, int], list[tuple[float, Camera]]], time: float, size_of_photo: SizeOfPhoto
 ) -> Camera:
+    size = size_of_photo()
     if size not in cameras:
         raise ValueError(f"there are no intrinsics for {size[0]} x {size[1]} pixels: give them as --camera")
     return min(cameras[size], key=lambda item: abs(item[0] - time))[1]
 
 
 def _matrix(path: pathlib.Path) -> tuple[Floats, Floats]:
-    return matrix_parts(numbers(" ".join(read_lines(path)), 16))
+    return matrix_parts(read_numbers(path, 16))
 
 
-def _require_identity(path: pathlib.Path, title: str, text: str | None) -> None:
+def _require_identity(path: pathlib.Path, title: str, matrix: list[float]) -> None:
     """Refuses a colour camera that is not where the poses are."""
-    if text is not None and not np.allclose(numbers(text, 16), np.eye(4).ravel(), atol=MAX_EXTRINSIC):
+    if not np.allclose(matrix, np.eye(4).ravel(), atol=MAX_EXTRINSIC):
         raise InputError(
             f"{path}: {title} moves the colour camera against the poses, and does not say in which direction: give "
             "the colour camera's own poses, with the identity there"
         )
 
 
-def _camera_of_matrix(values: list[float], size: tuple[int, int]) -> Camera:
+def _camera_of_matrix(values: list[float], size_of_photo: SizeOfPhoto) -> Camera:
     """Returns the camera of a 4 x 4 matrix of intrinsics, for images of the size that it is for."""
-    return brown_camera(size, (values[0], values[5]), (values[2], values[6]))
+    return brown_camera(size_of_photo(), (values[0], values[5]), (values[2], values[6]))

@@ -33,7 +33,7 @@ def parse(source: Source, rotation: Rotation) -> RawPoses:
         given.append(values)
         turn = [float(values[rotation[0]][name]) for name in rotation[1]]
         position = [float(values["position"][name]) for name in POSITION]
-        return RawPose(turn, position, name, camera=source.camera)
+        return RawPose(turn, position, name)
 
     poses = each(files_by_name(source.path, ENDING), parse_file, lambda file: file[1].name)
     report_unused(source.path, given, {"position", rotation[0], "validtime"})

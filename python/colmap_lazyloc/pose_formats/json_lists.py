@@ -1,5 +1,6 @@
 """Reads cameras in JSON: of Record3D, Polycam and 3D Gaussian Splatting."""
 
+import functools
 import pathlib
 from typing import Any
 
@@ -28,8 +29,7 @@ def parse_record3d(source: Source) -> RawPoses:
     def parse_pose(index: int) -> RawPose:
         values = numbers(data["poses"][index], 7)
         fx, fy, cx, cy = numbers(of_frames[index], 4)
-        camera = source.camera or brown_camera(size, (fx, fy), (cx, cy))
-        return RawPose(values[:4], values[4:], frame=index, camera=camera)
+        return RawPose(values[:4], values[4:], frame=index, camera=brown_camera(size, (fx, fy), (cx, cy)))
 
     return RawPoses(each(range(len(data["poses"])), parse_pose))
 
@@ -42,8 +42,7 @@ def parse_polycam(source: Source) -> RawPoses:
         values = {simple_name(name): value for name, value in read_json(path).items()}
         matrix = [values.pop(f"t{row}{column}") for row in range(3) for column in range(4)]
         given.append(values)
-        size = int(values["width"]), int(values["height"])
-        return RawPose(*matrix_parts(matrix), path.stem, camera=source.camera or named_camera(values, size))
+        return RawPose(*matrix_parts(matrix), path.stem, camera=functools.partial(named_camera, values))
 
     poses = each(sorted(source.path.glob("*.json")), parse_keyframe, lambda path: path.name)
     report_unused(source.path, given, POLYCAM)
@@ -54,9 +53,7 @@ def parse_splatting(source: Source) -> RawPoses:
     """Reads cameras.json of 3D Gaussian Splatting."""
 
     def parse_camera(values: dict[str, Any]) -> RawPose:
-        size = int(values["width"]), int(values["height"])
-        named = {simple_name(name): value for name, value in values.items()}
-        camera = source.camera or named_camera(named, size)
+        camera = functools.partial(named_camera, {simple_name(name): value for name, value in values.items()})
         return RawPose(values["rotation"], values["position"], str(values["img_name"]), camera=camera)
 
     cameras = read_json(source.path)

@@ -60,13 +60,13 @@ def parse(source: Source) -> RawPoses:
     # Cameras without a transform are not aligned, but for those that a rig's master leads.
     aligned = [camera for camera in cameras.values() if _is_aligned(camera, cameras)]
     aligned = _of_one_world(aligned, cameras, of_parts, source)
-    intrinsics: dict[str | None, Camera] = {}
+    intrinsics: dict[str | None, Camera | None] = {}
 
     def parse_camera(camera: ET.Element) -> RawPose:
         sensor_id = camera.get("sensor_id")
         rotation, centre = matrix_parts(_matrix(camera, sensors, cameras))
         if sensor_id not in intrinsics:
-            intrinsics[sensor_id] = source.camera or _camera(sensors[sensor_id])
+            intrinsics[sensor_id] = None if source.camera is not None else _camera(sensors[sensor_id])
         label = camera.attrib["label"]
         similarity = of_parts.get(_part_of(camera, cameras)) or of_chunk
         return RawPose(rotation, centre, label, camera=intrinsics[sensor_id], similarity=similarity)

@@ -40,7 +40,7 @@ def parse(source: Source) -> RawPoses:
         if len(rest) < NUM_COLUMNS - 1:
             raise ValueError("there is no omega, phi, kappa")
         values = numbers(rest[: NUM_COLUMNS - 1], NUM_COLUMNS - 1)
-        return RawPose(values[3:], values[:3], name, camera=source.camera)
+        return RawPose(values[3:], values[:3], name)
 
     frame = Frame(GEOGRAPHIC) if is_in_degrees else Frame(crs, true_north=True)
     return RawPoses(each(lines, parse_line, lambda entry: f"line {entry[0]}"), frame)

@@ -3,6 +3,7 @@
 Lengths of the image are relative to its longer side, from its centre.
 """
 
+import functools
 import json
 import pathlib
 from typing import Any
@@ -16,6 +17,7 @@ from colmap_lazyloc.pose_formats.cameras import (
     FISHEYE_KIND,
     PERSPECTIVE_KIND,
     SPHERICAL_KIND,
+    SizeOfPhoto,
     both,
     brown_camera,
     coefficients,
@@ -66,7 +68,7 @@ def parse(source: Source) -> RawPoses:
 
     def parse_shot(shot: tuple[str, dict[str, Any]]) -> RawPose:
         name, values = shot
-        camera = source.camera or _camera(largest["cameras"][values["camera"]])
+        camera = functools.partial(_camera, largest["cameras"][values["camera"]])
         rotation, translation = numbers(values["rotation"], 3), numbers(values["translation"], 3)
         return RawPose(rotation, translation, name, camera=camera, similarity=similarity)
 
@@ -158,7 +160,7 @@ def grid_name(text: str) -> str:
     return text.strip()
 
 
-def _camera(values: dict[str, Any]) -> Camera:
+def _camera(values: dict[str, Any], _: SizeOfPhoto | None = None) -> Camera:
     kind = values.get("projection_type", "perspective")
     width, height = size = int(values["width"]), int(values["height"])
     longer = max(size)
@@ -182,11 +184,11 @@ def parse_shots(source: Source) -> RawPoses:
     grid = next((found for feature in features[:MAX_NUM_TRIED] if (found := _grid_of(feature)) is not None), None)
     if grid is None:
         logger.warning("%s: its translations are not in UTM, so that they belong to no known place", source.path)
-    camera_of_all = source.camera or _only_camera(source.path)
+    camera_of_all = None if source.camera is not None else _only_camera(source.path)
 
     def parse_feature(feature: dict[str, Any]) -> RawPose:
         values = feature["properties"]
-        camera = camera_of_all or _camera(values)
+        camera = camera_of_all or functools.partial(_camera, values)
         return RawPose(values["rotation"], values["translation"], str(values["filename"]), camera=camera)
 
     poses = each(features, parse_feature)

@@ -12,6 +12,7 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.cameras import SizeOfPhoto
 from colmap_lazyloc.pose_formats.conventions import Convention
 from colmap_lazyloc.pose_formats.frames import NO_FRAME, Frame, Similarity
 from colmap_lazyloc.result_fields import ResultFields
@@ -37,7 +38,7 @@ _WORDS = (
 MAX_NUM_NAMED = 3  # of what is left out
 
 T = TypeVar("T")
-CameraOfSize = Callable[[tuple[int, int]], Camera]  # from the width and height of a photo in pixels
+MakeCamera = Callable[[SizeOfPhoto], Camera]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -45,9 +46,9 @@ class RawPose:
     """A pose as a file has it; a convention specifies what its rotation and vector mean.
 
     Its photo is found by `name`, or the number `frame` in the photo's name, or `time`, or else its place in the file.
-    `camera`: its intrinsics, or a function if these depend on the photo's size. `similarity`: from the pose's world to
-    the frame of the file. `result`: that of a localized query, in the coordinates of the model. `accuracy_m`: the
-    standard deviation of the position in space, if the file has it.
+    `camera`: its intrinsics, or the function that makes them, if no option gives others. `similarity`: from the pose's
+    world to the frame of the file. `result`: that of a localized query, in the coordinates of the model. `accuracy_m`:
+    the standard deviation of the position in space, if the file has it.
     """
 
     rotation: Any
@@ -55,7 +56,7 @@ class RawPose:
     name: str | None = None
     frame: int | None = None
     time: float | None = None
-    camera: Camera | CameraOfSize | None = None
+    camera: Camera | MakeCamera | None = None
     similarity: Similarity | None = None
     result: ResultFields | None = None
     accuracy_m: float | None = None

@@ -12,19 +12,19 @@ from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import (
     CAMERA_NAMES,
     PERSPECTIVE_KIND,
+    SizeOfPhoto,
     both,
     brown_camera,
     coefficients,
     named_camera,
     number,
     refuse_others,
-    size_of,
 )
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, Frame
 from colmap_lazyloc.pose_formats.naming import short_names
 from colmap_lazyloc.pose_formats.posed_images import Source
-from colmap_lazyloc.pose_formats.raw_poses import CameraOfSize, RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.raw_poses import MakeCamera, RawPose, RawPoses, each
 from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.pose_formats.text import Names, Row, Table, words
 
@@ -76,8 +76,7 @@ def parse(source: Source) -> RawPoses:
     def parse_row(row: Row) -> RawPose:
         turn = row.numbers(*rotation)
         turn += [0.0] * (3 - len(turn))  # without a column for roll
-        camera = None if source.camera is not None else camera_of_row(row)
-        return RawPose(turn, position_of(row, vector), row.text(NAME), camera=camera)
+        return RawPose(turn, position_of(row, vector), row.text(NAME), camera=camera_of_row(row))
 
     poses = each(table.rows(), parse_row, lambda row: row.label)
     table.report_unused(CAMERA_COLUMNS.union(ROTATION_MATRIX))
@@ -132,16 +131,20 @@ def quaternion_columns(
     return names, dataclasses.replace(convention, rotation="quaternion", quaternion="wxyz")
 
 
-def camera_of_row(row: Row) -> Camera | CameraOfSize | None:
+def camera_of_row(row: Row) -> MakeCamera | None:
     """Returns the intrinsics in the row of a table; None if it has none."""
     values = {ALIASES.get(name, name): value for name, value in row.values.items()}
     if not {"fx", "flx", "cameraanglex"} & set(values):
         return None
-    for name in sorted(IN_PIXELS.intersection(row.values)):
-        if row.unit(name):
-            raise ValueError(f"the intrinsics are in {row.unit(name)}, not in pixels")
-    size = size_of(values)
-    return functools.partial(named_camera, values) if size is None else named_camera(values, size)
+    units = [row.unit(name) for name in sorted(IN_PIXELS.intersection(row.values))]
+    return functools.partial(_camera_in_pixels, values, units)
+
+
+def _camera_in_pixels(values: dict[str, str], units: Sequence[str], size_of_photo: SizeOfPhoto) -> Camera:
+    other = next(filter(None, units), None)
+    if other is not None:
+        raise ValueError(f"the intrinsics are in {other}, not in pixels")
+    return named_camera(values, size_of_photo)
 
 
 def is_reality_capture(head: Head) -> bool:
@@ -164,7 +167,7 @@ def parse_reality_capture(source: Source) -> RawPoses:
     table.require("name, x, y, alt, heading (or yaw), pitch, roll", "name", *position, *angles)
 
     def parse_row(row: Row) -> RawPose:
-        camera = None if source.camera is not None else functools.partial(film_camera, row.values)
+        camera = functools.partial(film_camera, row.values)
         return RawPose(row.numbers(*angles), row.numbers(*position), row.text("name"), camera=camera)
 
     poses = each(table.rows(), parse_row, lambda row: row.label)
@@ -172,11 +175,12 @@ def parse_reality_capture(source: Source) -> RawPoses:
     return RawPoses(poses, Frame(true_north=True))
 
 
-def film_camera(values: dict[str, str], size: tuple[int, int]) -> Camera:
+def film_camera(values: dict[str, str], size_of_photo: SizeOfPhoto) -> Camera:
     """Returns a camera with the focal length of a film 36 mm wide, and the principal point relative to the longer side
     of the photo, from its middle."""
     if not {"f", "f35mm"} & set(values):
         raise ValueError("there are no intrinsics: give them as --camera")
+    size = size_of_photo()
     longer = max(size)
     focal = number(values, "f35mm" if "f35mm" in values else "f") / FILM_MM * longer
     px, py = both(values, ("pxnorm", "pynorm") if "pxnorm" in values else ("px", "py"))

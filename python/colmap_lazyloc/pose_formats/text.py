@@ -271,6 +271,11 @@ def numbers(values: Any, count: int) -> list[float]:
     return found
 
 
+def read_numbers(path: pathlib.Path, count: int) -> list[float]:
+    """Reads a text file of `count` numbers, separated by blanks, commas or ends of lines."""
+    return numbers(" ".join(read_lines(path)).replace(",", " "), count)
+
+
 def words(*values: Any, separator: str = " ") -> str:
     """Returns the numbers of arrays, from which the same numbers are read again."""
     return separator.join(repr(float(number)) for value in values for number in np.ravel(value))

@@ -5,7 +5,6 @@ pose on the body.
 """
 
 import dataclasses
-import functools
 import pathlib
 from collections.abc import Sequence
 
@@ -17,8 +16,8 @@ from colmap_lazyloc.pose_formats.naming import last_number, natural_key, times_o
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
 from colmap_lazyloc.pose_formats.table import CAMERA_COLUMNS, NAME, QUATERNION, camera_of_row, quaternion_columns
-from colmap_lazyloc.pose_formats.text import Names, Row, Table, numbers, words
-from colmap_lazyloc.text_files import read_entries, read_lines
+from colmap_lazyloc.pose_formats.text import Names, Row, Table, numbers, read_numbers, words
+from colmap_lazyloc.text_files import read_entries
 
 MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
 LAST_ROW = "t30 t31 t32 t33"
@@ -69,7 +68,7 @@ def parse(source: Source, layouts: Sequence[str], convention: Convention, takes_
             row.text(NAME) if keys[0] else None,
             int(row.number(FRAME)) if keys[1] else None,
             row.number(TIME) if keys[2] else None,
-            None if source.camera is not None else camera_of_row(row),
+            camera_of_row(row),
         )
 
     poses = each(table.rows(), parse_row, lambda row: row.label)
@@ -100,7 +99,7 @@ def parse_matrices(source: Source) -> RawPoses:
     """Reads 4x4 matrices: one in each line, one in each four lines, or one in each text file of a folder."""
     if source.path.is_dir():
         paths = sorted(path for path in source.path.iterdir() if path.suffix == ".txt")
-        return RawPoses(each(paths, functools.partial(_read_matrix, source), lambda path: path.name))
+        return RawPoses(each(paths, _read_matrix, lambda path: path.name))
     rows = [line.replace(",", " ").split() for _, line in read_entries(source.path)]
     if all(len(row) == 4 for row in rows if len(row) != 3):  # Open3D writes three whole numbers before each matrix
         rows = [row for row in rows if len(row) != 3]
@@ -108,12 +107,10 @@ def parse_matrices(source: Source) -> RawPoses:
     return RawPoses(each(rows, lambda row: RawPose(*matrix_parts(numbers(row, 16)))))
 
 
-def _read_matrix(source: Source, path: pathlib.Path) -> RawPose:
+def _read_matrix(path: pathlib.Path) -> RawPose:
     number = last_number(path.name)
-    values = numbers(" ".join(read_lines(path)).replace(",", " "), 16)
-    if number is None:
-        return RawPose(*matrix_parts(values), name=path.stem)
-    return RawPose(*matrix_parts(values), frame=int(float(number)))
+    matrix = matrix_parts(read_numbers(path, 16))
+    return RawPose(*matrix, name=path.stem) if number is None else RawPose(*matrix, frame=int(float(number)))
 
 
 def tum_text(raw: RawPoses) -> str:

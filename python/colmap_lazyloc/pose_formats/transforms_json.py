@@ -47,12 +47,10 @@ def parse(source: Source) -> RawPoses:
         # Intrinsics stand in the frame or next to the frames.
         values = _values(data) | _values(frame)
         size = size_of(values)
-        camera: Any = functools.partial(named_camera, values)
         if size is not None and source.camera is None:
-            camera = camera(size)
             contradicted.update(contradicted_angles(values, size))
         rotation, vector = matrix_parts(frame["transform_matrix"])
-        return RawPose(rotation, vector, str(frame["file_path"]), camera=camera)
+        return RawPose(rotation, vector, str(frame["file_path"]), camera=functools.partial(named_camera, values))
 
     poses = each(data["frames"], parse_frame)
     report_unused(source.path, [data, *data["frames"], contradicted], KNOWN)

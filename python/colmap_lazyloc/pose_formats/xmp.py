@@ -12,6 +12,7 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.cameras import SizeOfPhoto
 from colmap_lazyloc.pose_formats.naming import ENDING as PHOTO_ENDING
 from colmap_lazyloc.pose_formats.naming import files_by_name, inside
 from colmap_lazyloc.pose_formats.posed_images import Source
@@ -50,9 +51,7 @@ def parse(source: Source) -> RawPoses:
     def parse_file(file: tuple[str, pathlib.Path]) -> RawPose:
         name, path = file
         values = given[name] = _values(path)
-        camera = None
-        if source.camera is None and INTRINSICS["f"] in values:
-            camera = functools.partial(film_camera, _film(values))
+        camera = functools.partial(_camera, values) if INTRINSICS["f"] in values else None
         rotation = np.reshape(numbers(values[ROTATION], 9), (3, 3))
         return RawPose(rotation, numbers(values[POSITION], 3), name, camera=camera)
 
@@ -75,8 +74,8 @@ def _values(path: pathlib.Path) -> dict[str, str]:
     return values
 
 
-def _film(values: dict[str, str]) -> dict[str, str]:
-    """Returns intrinsics by the names of RealityCapture's table."""
+def _camera(values: dict[str, str], size_of_photo: SizeOfPhoto) -> Camera:
+    """Returns a camera by the names of RealityCapture's table."""
     model = values.get("DistortionModel", MODELS[0])
     if model not in MODELS:
         raise ValueError(f"the distortion model {model} is not supported: export with one of {', '.join(MODELS)}")
@@ -85,7 +84,8 @@ def _film(values: dict[str, str]) -> dict[str, str]:
             raise ValueError(f"a camera has the {name} {values[name]}, which COLMAP's camera models lack")
     coefficients = values.get(COEFFICIENTS, "0 0 0 0 0 0").split()
     found = dict(zip(FILM_COEFFICIENTS, coefficients, strict=True))
-    return found | {short: values[name] for short, name in INTRINSICS.items() if name in values}
+    found |= {short: values[name] for short, name in INTRINSICS.items() if name in values}
+    return film_camera(found, size_of_photo)
 
 
 def write(path: pathlib.Path, raw: RawPoses) -> None:
