@@ -3,13 +3,16 @@
 import csv
 import json
 import pathlib
+import struct
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 import cv2
+import fastkml.validator
 import numpy as np
 import PIL.Image
 import pycolmap
+import pyogrio
 import pyproj
 import pytest
 from rosbags.rosbag2 import Reader
@@ -57,7 +60,7 @@ SCENES = {
     "large": Scene((PINHOLE,), shift=(500000.0, 5200000.0, 400.0)),
 }
 GEOGRAPHIC = [name for name, scene in SCENES.items() if scene.origin is not None]
-EARTH = ("odmgeo", "geopose", "geoposeypr", "kml")  # formats that need a place on the Earth
+EARTH = ("odmgeo", "geopose", "geoposeypr", "gpkg", "kml")  # formats that need a place on the Earth
 NO_CAMERAS = ("tum", "kitti", *EARTH)
 FILM_CAMERAS = ("realitycapture", "xmp")  # with one focal length, relative to the photo's size
 
@@ -106,9 +109,13 @@ def covariance_of(name):
     return root @ root.T
 
 
+def output_of(folder, form):
+    return folder / f"out_{form}{'.gpkg' if form == 'gpkg' else ''}"  # GDAL warns of other endings
+
+
 def export(folder, form, *options):
     """Exports the results in a folder; returns the path of the output, and the exit code."""
-    output = folder / f"out_{form}"
+    output = output_of(folder, form)
     return output, tool.main(["export", str(folder), "--format", form, "--output", str(output), *map(str, options)])
 
 
@@ -310,7 +317,8 @@ KML = "{http://www.opengis.net/kml/2.2}"
 
 
 def points_of_kml(path):
-    """Returns the values of the points by name; checks the elements and their order by the schema of KML 2.2."""
+    """Returns the values of the points by name; checks the file by OGC's schema of KML 2.2, which fastkml contains."""
+    assert fastkml.validator.validate(file_to_validate=path)
     root = ET.parse(path).getroot()
     (document,) = root
     assert (root.tag, document.tag) == (f"{KML}kml", f"{KML}Document")
@@ -318,8 +326,7 @@ def points_of_kml(path):
     assert name.tag == f"{KML}name"
     found = {}
     for placemark in placemarks:
-        tags = [child.tag.removeprefix(KML) for child in placemark]
-        assert tags == ["name", "Style", "ExtendedData", "Point"] and placemark.tag == f"{KML}Placemark"
+        assert placemark.tag == f"{KML}Placemark"
         data = placemark.findall(f"{KML}ExtendedData/{KML}Data")
         values = {item.get("name"): item.findtext(f"{KML}value") for item in data}
         assert placemark.findtext(f"{KML}Style/{KML}IconStyle/{KML}heading") == values["heading_deg"]
@@ -330,10 +337,21 @@ def points_of_kml(path):
     return found
 
 
-def read_kml(path, scene):
+def points_of_geopackage(path):
+    """Returns the places and the values of the points by name, by GDAL, which QGIS reads files with."""
+    meta, _, geometries, columns = pyogrio.raw.read(path, layer="positions")
+    assert (meta["crs"], meta["geometry_type"]) == ("EPSG:4326", "Point Z")
+    rows = zip(*columns, strict=True)
+    named = [dict(zip(meta["fields"], row, strict=True)) for row in rows]
+    places = [struct.unpack("<BI3d", geometry)[2:] for geometry in geometries]  # well-known binary
+    return {values.pop("name"): (place, values) for place, values in zip(places, named, strict=True)}
+
+
+def read_points(path, scene):
     """Heading clockwise from north, then pitch upwards, then roll to the right, of a camera right, forward, up."""
     found = {}
-    for name, (place, values) in points_of_kml(path).items():
+    points = points_of_kml if path.suffix != ".gpkg" else points_of_geopackage
+    for name, (place, values) in points(path).items():
         heading, pitch, roll = (float(values[f"{angle}_deg"]) for angle in ("heading", "pitch", "roll"))
         turn = Rotation.from_euler("ZXY", [-heading, pitch, roll], degrees=True).as_matrix()
         found[name] = from_place(scene, place, turn @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -398,7 +416,8 @@ READERS = {
     "odmgeo": read_odm_geo,
     "geopose": read_geopose,
     "geoposeypr": read_geopose,
-    "kml": read_kml,
+    "gpkg": read_points,
+    "kml": read_points,
     "ros2": read_ros2,
 }
 
@@ -567,7 +586,7 @@ def contents(path):
 def test_folder_with_other_files_is_never_replaced(tmp_path, capfd):
     write_results(tmp_path, SCENES["geographic"])
     for form in written_formats():
-        path = tmp_path / f"out_{form}"
+        path = output_of(tmp_path, form)
         path.mkdir()
         (path / "holiday.jpg").touch()
         assert export(tmp_path, form, "--overwrite")[1] == 1
@@ -619,8 +638,8 @@ def test_names_are_read_again_or_left_out(form, tmp_path, capfd):
         return
     expected = {"f/g.jpg"} if form == "odmgeo" else set(names[:3])
     assert f"{4 - len(expected)} of 4 photos left out" in capfd.readouterr().err
-    if form == "kml":
-        assert set(points_of_kml(path)) == expected
+    if form in ("gpkg", "kml"):
+        assert set((points_of_kml if form == "kml" else points_of_geopackage)(path)) == expected
         return
     posed = read_posed_images(Source(path, Photos(tmp_path / "photos"), PINHOLE))
     assert {image.name for image in posed.images} == expected
@@ -756,3 +775,35 @@ def test_trajectory_of_a_rig_says_that_times_are_numbers(tmp_path, capfd):
     path, code = export(tmp_path, "tum")
     assert code == 0 and "times are 0, 1, 2, ..." in capfd.readouterr().err
     assert np.loadtxt(path)[:, 0].tolist() == list(range(6))
+
+
+def test_geopackage_has_positions_and_fields_of_view(tmp_path):
+    """As a GIS reads it: two layers with the same values, polygons only of the photos whose view is known."""
+    truth = write_results(tmp_path, SCENES["geographic"])
+    ring = [[8.5, 47.3], [8.6, 47.3], [8.55, 47.4], [8.5, 47.3]]
+    feature = {
+        "type": "Feature",
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+        "properties": {"name": SEQUENCE[1], "shows": "field_of_view"},
+    }
+    (tmp_path / "positions.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    path, code = export(tmp_path, "gpkg", "--with_database")
+    assert code == 0
+    assert pyogrio.list_layers(path).tolist() == [["positions", "Point Z"], ["fields_of_view", "Polygon"]]
+    points = points_of_geopackage(path)
+    assert set(points) == {*truth, "database/1.jpg"}
+    assert points["database/1.jpg"][1]["status"] == "DATABASE" and points[SEQUENCE[1]][1]["status"] == "LOCALIZED"
+    meta, _, (polygon,), columns = pyogrio.raw.read(path, layer="fields_of_view")
+    assert struct.unpack("<BIII8d", polygon)[4:] == tuple(number for point in ring for number in point)
+    values = dict(zip(meta["fields"], (column[0] for column in columns), strict=True))
+    assert values.pop("name") == SEQUENCE[1]
+    assert {k: v for k, v in values.items() if v == v} == {k: v for k, v in points[SEQUENCE[1]][1].items() if v == v}
+    assert pyogrio.read_info(path, layer="fields_of_view")["total_bounds"] == (8.5, 47.3, 8.6, 47.4)
+
+
+def test_damaged_fields_of_view_are_one_line(tmp_path, capfd):
+    write_results(tmp_path, SCENES["geographic"])
+    (tmp_path / "positions.geojson").write_text('{"type":"FeatureCollection","features":[')
+    path, code = export(tmp_path, "gpkg")
+    assert code == 1 and not path.exists()
+    assert "positions.geojson: is damaged or cut off" in capfd.readouterr().err

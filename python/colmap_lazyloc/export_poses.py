@@ -3,7 +3,7 @@
     lazyloc export RESULTS --format FORMAT --output PATH
 
 RESULTS is the output folder of `colmap lazy_localizer` or of `lazyloc run`. FORMAT is one of the following; `lazyloc
-import` reads all of them but EXPORTS.
+import` reads all of them except EXPORTS.
 
 FORMATS
 Poses keep the coordinates of the model. Formats with latitude and longitude need a model with geo.json. A line names
@@ -25,7 +25,7 @@ from colmap_lazyloc.pose_formats.transforms_json import read_frame
 from colmap_lazyloc.pose_formats.writing import Target, check_path
 from colmap_lazyloc.report.output import replacing
 from colmap_lazyloc.result_fields import ResultFields
-from colmap_lazyloc.results import MODEL, RESULTS, find_results, pose_of, read_results
+from colmap_lazyloc.results import MODEL, RESULTS, find_results, pose_of, read_fields_of_view, read_results
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -34,7 +34,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     rows = "".join(f"  {name:<15} {form.title}\n" for name, form in forms.items())
     parser = Parser(
         prog="lazyloc export",
-        description=(__doc__ or "").replace("EXPORTS", " and ".join(EXPORTS)).replace("FORMATS\n", rows),
+        description=(__doc__ or "").replace("EXPORTS", ", ".join(EXPORTS)).replace("FORMATS\n", rows),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
@@ -75,8 +75,9 @@ def read_localized(folder: pathlib.Path, with_database: bool = False) -> PosedIm
     model = read_model(folder / MODEL)
     localized = _localized(folder, results, model)
     names = {name for name in model.images if name in localized or (with_database and name not in results)}
+    views = read_fields_of_view(folder)
     images = [
-        PosedImage(name, model.cameras[image.camera_id], image.pose, results.get(name))
+        PosedImage(name, model.cameras[image.camera_id], image.pose, results.get(name), views.get(name, ()))
         for name, image in sorted(model.images.items())
         if name in names
     ]

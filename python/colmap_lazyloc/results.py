@@ -75,6 +75,20 @@ def read_geodetic(folder: Path) -> dict[str, list[float]]:
         raise InputError(f"{path}: is damaged or cut off") from None
 
 
+def read_fields_of_view(folder: Path) -> dict[str, list[list[float]]]:
+    """Reads what the localized queries show, by name, from positions.geojson in the output folder of a run, as closed
+    rings of longitude and latitude; empty if the run has no geographic coordinates."""
+    path = pathlib.Path(folder) / "positions.geojson"
+    if not path.is_file():
+        return {}
+    try:
+        features = json.loads(path.read_text(encoding="utf-8"))["features"]
+        views = [feature for feature in features if feature["properties"]["shows"] == "field_of_view"]
+        return {view["properties"]["name"]: view["geometry"]["coordinates"][0] for view in views}
+    except (ValueError, LookupError, TypeError):
+        raise InputError(f"{path}: is damaged or cut off") from None
+
+
 def pose_of(result: ResultFields) -> Pose | None:
     """Returns the pose of a localized query; None for other queries, even if they have a rotation or an unconfirmed
     pose."""

@@ -6,8 +6,7 @@ of a point, and not in its coordinates.
 
 import xml.etree.ElementTree as ET
 
-import numpy as np
-
+from colmap_lazyloc.pose_formats.point_values import values_of
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses
 from colmap_lazyloc.pose_formats.text import words
 
@@ -29,31 +28,17 @@ def text(raw: RawPoses) -> str:
 
 def _add_point(document: ET.Element, pose: RawPose) -> None:
     """Adds a photo; the order of elements is that of the schema."""
-    longitude, latitude, height = map(float, pose.vector)
-    heading, pitch, roll = float(pose.rotation[0]) % 360, float(pose.rotation[1]), float(pose.rotation[2])
+    values = values_of(pose)
     point = _add(document, "Placemark")
     _add(point, "name", pose.name or "")
     icon = _add(_add(point, "Style"), "IconStyle")
-    _add(icon, "heading", words(heading))
+    _add(icon, "heading", words(values["heading_deg"]))
     _add(_add(icon, "Icon"), "href", ARROW)
-    values: dict[str, float | str | None] = {
-        "status": "DATABASE",
-        "height_m": height,
-        "heading_deg": heading,
-        "pitch_deg": pitch,
-        "roll_deg": roll,
-    }
-    if pose.result is not None:
-        covariance = pose.result.get("position_covariance")
-        stddevs = [None] * 3 if covariance is None else np.sqrt(np.diag(covariance)).tolist()
-        values |= {"status": pose.result["status"], "confidence": pose.result.get("confidence")}
-        values |= dict(zip(("stddev_east_m", "stddev_north_m", "stddev_up_m"), stddevs))
-        values |= {"heading_stddev_deg": pose.result.get("heading_stddev_deg")}
     data = _add(point, "ExtendedData")
     for name, value in values.items():
         if value is not None:
             _add(_add(data, "Data", name=name), "value", value if isinstance(value, str) else words(value))
-    _add(_add(point, "Point"), "coordinates", words(longitude, latitude, separator=","))
+    _add(_add(point, "Point"), "coordinates", words(*map(float, pose.vector[:2]), separator=","))
 
 
 def _add(parent: ET.Element, tag: str, text: str | None = None, **attributes: str) -> ET.Element:

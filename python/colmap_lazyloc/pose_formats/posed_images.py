@@ -39,12 +39,17 @@ MAX_NUM_PIXELS = 1 << 29
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PosedImage:
-    """An image with its intrinsics and its pose. `result`: that of a localized query."""
+    """An image with its intrinsics and its pose.
+
+    `result`: that of a localized query. `field_of_view`: the outline of what it shows, a closed ring of longitudes and
+    latitudes; empty if that is unknown.
+    """
 
     name: str
     camera: Camera
     cam_from_world: Pose
     result: ResultFields | None = None
+    field_of_view: Sequence[Sequence[float]] = ()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -48,7 +48,7 @@ class RawPose:
     Its photo is found by `name`, or the number `frame` in the photo's name, or `time`, or else its place in the file.
     `camera`: its intrinsics, or the function that makes them, if no option gives others. `similarity`: from the pose's
     world to the frame of the file. `result`: that of a localized query, in the coordinates of the model. `accuracy_m`:
-    the standard deviation of the position in space, if the file has it.
+    the standard deviation of the position in space, if the file has it. `field_of_view`: as PosedImage has it.
     """
 
     rotation: Any
@@ -60,6 +60,7 @@ class RawPose:
     similarity: Similarity | None = None
     result: ResultFields | None = None
     accuracy_m: float | None = None
+    field_of_view: Sequence[Sequence[float]] = ()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,6 +14,7 @@ from colmap_lazyloc.pose_formats import (
     bundler,
     colmap,
     datasets,
+    geopackage,
     geopose,
     json_lists,
     kml,
@@ -375,6 +376,11 @@ FORMATS: dict[str, Format] = {
 
 
 EXPORTS: dict[str, Export] = {
+    "gpkg": Export(
+        "GeoPackage of QGIS, ArcGIS: a layer of positions, with angles and accuracy, and one of fields of view",
+        Convention(TO_WORLD, "rfu", "yaw, pitch, roll"),
+        Writer(geopackage.write, World.EARTH, "intrinsics"),
+    ),
     "kml": Export(
         "KML of Google Earth: a point for each photo, with its status, heading and accuracy",
         Convention(TO_WORLD, "rfu", "yaw, pitch, roll"),

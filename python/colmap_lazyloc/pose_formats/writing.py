@@ -82,7 +82,12 @@ def raw_poses(posed: PosedImages, convention: Convention, writer: Writer, target
         convention = dataclasses.replace(convention, vector="degrees")
     items = [
         RawPose(
-            *written(pose, convention), image.name, camera=camera, similarity=target.similarity, result=image.result
+            *written(pose, convention),
+            image.name,
+            camera=camera,
+            similarity=target.similarity,
+            result=image.result,
+            field_of_view=image.field_of_view,
         )
         for image, pose, camera in zip(images, poses, _cameras(images, writer))
         if camera is not None or not writer.needs_camera
