@@ -1,10 +1,13 @@
 """Times `lazyloc serve` with 1, 8 and 64 clients, beside `localize_all`, and checks each answer.
 
     python -m benchmarks service DATABASE MODEL PHOTO...
+    python -m benchmarks service DATABASE MODEL PHOTO... --num_services 1 2 4
 
 A quarter of the requests are the photos; the others are what a service gets, too: no photos, damaged ones, bombs, bad
 fields, wrong tokens, senders that are slow or gone. Clients that get 503 try again after the time that it states. Exits
-with 1 if a request has no answer or a wrong one: a photo's must have the pose of `localize_all`, bit for bit.
+with 1 if a request has no answer or a wrong one: a photo's must have the pose of `localize_all`, bit for bit. With
+--num_services, compares the time of a core and the memory of so many services, with one thread each, with those of one
+service with so many threads.
 """
 
 import argparse
@@ -12,8 +15,10 @@ import asyncio
 import collections
 import concurrent.futures
 import dataclasses
+import functools
 import itertools
 import json
+import os
 import pathlib
 import re
 import struct
@@ -132,16 +137,58 @@ def memory_mb(pid, name):
     return int(re.search(rf"{name}:\s*(\d+)", text).group(1)) / 1024
 
 
-def start_server(options):
+def start_server(options, *more):
     """Returns the process and its port."""
     command = [sys.executable, "-m", "colmap_lazyloc", "serve", options.model, "--database_path", options.database]
-    command += ["--port", "0", "--max_queue", options.max_queue, *(f"--{text}" for text in options.option)]
+    command += ["--port", "0", "--max_queue", options.max_queue, *(f"--{text}" for text in options.option), *more]
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as tokens:
         tokens.write(TOKEN)
         tokens.flush()
         command += ["--tokens", tokens.name]
         process = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
         return process, int(re.search(r":(\d+)/", process.stderr.readline()).group(1))
+
+
+def cpu_seconds(pid, thread=""):
+    """Returns the seconds of a core that a process has used, or its thread of this number."""
+    words = pathlib.Path(f"/proc/{pid}/{thread}stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def proportional_mb(pid):
+    """Returns the memory of a process; what n processes share counts an n-th for each."""
+    return int(re.search(r"^Pss:\s*(\d+)", pathlib.Path(f"/proc/{pid}/smaps_rollup").read_text(), re.M).group(1)) / 1024
+
+
+def compare_services(options, photos):
+    """Prints what a photo costs with one or several services, with eight clients."""
+    print("| services | threads of each | core-ms per photo | of the event loop | photos per second | MB, together |")
+    print("|---|---|---|---|---|---|")
+    for count in options.num_services:
+        for num_services, num_threads in dict.fromkeys([(1, count), (count, 1)]):
+            servers = [start_server(options, "--LazyLocalizer.num_threads", num_threads) for _ in range(num_services)]
+            for num_photos in (NUM_WARM_UP * num_services, options.num_direct):
+                before = [(cpu_seconds(p.pid), cpu_seconds(p.pid, f"task/{p.pid}/")) for p, _ in servers]
+                start = time.monotonic()
+                with concurrent.futures.ThreadPoolExecutor(8) as clients:
+                    for answer in clients.map(functools.partial(post, servers, photos), range(num_photos)):
+                        answer.raise_for_status()
+                seconds = time.monotonic() - start
+            after = [(cpu_seconds(p.pid), cpu_seconds(p.pid, f"task/{p.pid}/")) for p, _ in servers]
+            total, loop = (np.subtract(after, before).sum(axis=0) / num_photos * 1000).tolist()
+            cells = [num_services, num_threads, f"{total:.0f}", f"{loop:.1f}", f"{num_photos / seconds:.1f}"]
+            cells += [f"{sum(proportional_mb(process.pid) for process, _ in servers):.0f}"]
+            print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+            for process, _ in servers:
+                process.terminate()
+                process.communicate(timeout=120)
+
+
+def post(servers, photos, index):
+    """Returns the answer of one of the services to one of the photos."""
+    photo = list(photos.values())[index % len(photos)]
+    url = f"http://127.0.0.1:{servers[index % len(servers)][1]}/localize"
+    return httpx.post(url, content=photo, headers=HEADERS, timeout=300)
 
 
 def localize_directly(options, paths):
@@ -167,7 +214,13 @@ def main(arguments):
     parser.add_argument("--num_clients", type=int, nargs="+", default=[1, 8, 64])
     parser.add_argument("--max_queue", type=int, default=16)
     parser.add_argument("--option", action="append", default=[], metavar="NAME=VALUE", help="of the localizer")
+    parser.add_argument(
+        "--num_services", type=int, nargs="+", metavar="N", help="compare N services of one thread each"
+    )
     options = parser.parse_args(arguments)
+    if options.num_services:
+        compare_services(options, {path.name: path.read_bytes() for path in options.photos})
+        return 0
     # A process of its own, so that the clients have nothing of it.
     with concurrent.futures.ProcessPoolExecutor(1) as process:
         expected, rate = process.submit(localize_directly, options, options.photos).result()
