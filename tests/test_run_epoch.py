@@ -1,5 +1,6 @@
 """Tests of `lazyloc run --epoch`: new photos are matched with each other and adjusted together."""
 
+import json
 import pathlib
 
 import cv2
@@ -7,6 +8,7 @@ import pytest
 
 import photo_scene
 from colmap_lazyloc.__main__ import main
+from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project.epoch import common_cameras, epoch_pairs
@@ -60,6 +62,10 @@ def test_run_places_photos_and_keeps_database_poses(colmap, photos, monkeypatch,
     given, model = read_model(photos.model_path).images, read_model(tmp_path / "out/epoch/model").images
     assert all(model[name].pose.bits() == image.pose.bits() for name, image in given.items())
     assert (tmp_path / "out/report.html").exists()
+    assert main(["changes", str(tmp_path / "out")]) == 0
+    assert json.loads((tmp_path / "out/epoch/changes.json").read_text()) == []
+    with DatabaseReader(tmp_path / "out/epoch/matches.db") as database:
+        assert ("database/000.jpg", "database/001.jpg") in database.matched_pairs()
 
 
 @pytest.mark.parametrize("role", ["queries", "all"])

@@ -15,6 +15,7 @@ COMMANDS = {
     "export": ("export_poses", "write the results in the format of another program"),
     "check": ("agreement.__main__", "check whether camera poses fit the feature matches in a database"),
     "control_points": ("control_points", "compare poses with surveyed points that are marked in photos"),
+    "changes": ("changes.__main__", "find what has moved, vanished or is new between two epochs"),
     "report": ("report.__main__", "write an HTML page that shows the results of a run"),
     "evaluate": ("evaluate", "compute pose errors from known true poses"),
     "retrieve": ("retrieval.__main__", "find similar database images by global descriptors"),

@@ -27,14 +27,15 @@ import scipy.optimize
 
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError, Parser, command, first_names, logger
-from colmap_lazyloc.model import Camera, read_model
+from colmap_lazyloc.model import Camera, is_model, read_model
 from colmap_lazyloc.pose_formats.control_points import Mark, read_control_points
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.naming import Names, natural_key
 from colmap_lazyloc.pose_formats.raw_poses import MAX_NUM_NAMED
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.pycolmap_types import image_from_cam, to_pycolmap_camera, to_rigid3d
-from colmap_lazyloc.results import MODEL, RESULTS, find_run, pose_of, read_results
+from colmap_lazyloc.report.options_file import read_options
+from colmap_lazyloc.results import MODEL, RESULTS, FoundRun, find_run, pose_of, read_results
 
 MIN_ANGLE_DEG = 1.5  # between the rays of a point, as in COLMAP's mapper
 LOSS_PX = 2.0  # errors of marks that are larger have less weight
@@ -88,13 +89,23 @@ def read_photos(folder: pathlib.Path) -> tuple[dict[str, Photo], GeoOrigin | Non
     results = {} if run.results is None else read_results(run.results / RESULTS)
     last = folder if run.results is None else run.results / MODEL
     photos = {name: Photo(NEW) for name in results}
-    for path in [last] if run.results is None or run.project is None else [run.project.model, last]:
+    given = None if run.results is None else database_model(run)
+    for path in [last] if given is None else [given, last]:
         model = read_model(path)
         for name, image in model.images.items():
             if name not in results or pose_of(results[name]) is not None:
                 set_name = NEW if name in results else DATABASE
                 photos[name] = Photo(set_name, model.cameras[image.camera_id], image.cam_from_world)
     return photos, GeoOrigin.read(last)
+
+
+def database_model(run: FoundRun) -> pathlib.Path | None:
+    """Returns the model that the queries of a run were localized in; None if it is not there any more."""
+    if run.project is not None:
+        return run.project.model
+    options = None if run.results is None else run.results / "options.ini"
+    path = "" if options is None or not options.exists() else read_options(options).values.get("input_path", "")
+    return pathlib.Path(path) if path and is_model(path) else None
 
 
 def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> tuple[dict[tuple[str, str], list[View]], list[str]]:

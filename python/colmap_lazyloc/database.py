@@ -177,15 +177,19 @@ class DatabaseReader:
         """Returns the number of verified matches of two images."""
         return self._num_inliers.get(self._pair_id(name1, name2), 0)
 
-    def matched_pairs(self, min_num_inliers: int) -> list[tuple[str, str]]:
+    def verified_pairs(self, min_num_inliers: int) -> list[tuple[str, str]]:
         """Returns the names of the images of pairs with at least a number of verified matches."""
+        return self._names_of_pairs(pair for pair, count in self._num_inliers.items() if count >= min_num_inliers)
+
+    def matched_pairs(self) -> list[tuple[str, str]]:
+        """Returns the names of the images of pairs with matches before verification."""
+        rows = self._connection.execute("SELECT pair_id FROM matches WHERE rows > 0 ORDER BY pair_id")
+        return self._names_of_pairs(pair for (pair,) in rows)
+
+    def _names_of_pairs(self, pair_ids: Iterable[int]) -> list[tuple[str, str]]:
         names = {image_id: name for name, image_id in self.image_ids.items()}
-        rows = ((*divmod(pair, MAX_NUM_IMAGES), count) for pair, count in self._num_inliers.items())
-        return [
-            (names[first], names[second])
-            for first, second, count in rows
-            if count >= min_num_inliers and first in names and second in names
-        ]
+        pairs = (divmod(pair, MAX_NUM_IMAGES) for pair in pair_ids)
+        return [(names[first], names[second]) for first, second in pairs if first in names and second in names]
 
     def has_keypoints(self, name: str) -> bool:
         """True if features of the image were extracted, even if none were found."""

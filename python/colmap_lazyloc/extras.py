@@ -31,6 +31,7 @@ EXTRAS = {
         "lazyloc control_points, lazyloc run --control_points",
         {"pycolmap": "pycolmap", "pyproj": "pyproj", "scipy": "scipy"},
     ),
+    "changes": Extra("lazyloc changes", {"pycolmap": "pycolmap", "scipy": "scipy"}),
     "demo": Extra(
         "lazyloc demo: rendering",
         {**OPENCV, "pillow": "PIL", "pycolmap": "pycolmap", "pyproj": "pyproj", "scipy": "scipy"},

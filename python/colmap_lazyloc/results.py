@@ -15,7 +15,7 @@ from colmap_lazyloc.project.folder import EPOCH, LOCALIZED, RECORD, Folder
 from colmap_lazyloc.result_fields import PoseFields, ResultFields
 from colmap_lazyloc.text_files import Path, open_text
 
-RESULTS, MODEL = "results.jsonl", "model"  # in the output folder of a run
+RESULTS, MODEL, CHANGES = "results.jsonl", "model", "changes.json"  # in the output folder of a run
 REQUIRED_FIELDS = ("name", "status", "cam_from_world")
 
 

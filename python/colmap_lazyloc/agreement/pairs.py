@@ -79,7 +79,7 @@ def pairs_of_database(
     index = {image.name: position for position, image in enumerate(images)}
     matched = sorted(
         (min(index[first], index[second]), max(index[first], index[second]))
-        for first, second in database.matched_pairs(MIN_NUM_MATCHES)
+        for first, second in database.verified_pairs(MIN_NUM_MATCHES)
         if first in index and second in index
     )
     centres = np.array([image.cam_from_world.cam_in_world for image in images]).reshape(-1, 3)

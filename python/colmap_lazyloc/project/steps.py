@@ -90,23 +90,8 @@ class Project:
         tidy_images(database)
 
     def match(self, database: pathlib.Path, pairs: Sequence[tuple[str, str]]) -> None:
-        """Matches pairs and verifies the matches; those in the database are kept.
-
-        COLMAP writes matches, and says how far it is, only after each thousand pairs, which can take an hour. It gets
-        as many pairs at once as take a few seconds, so that their number shows the progress.
-        """
-        command = [*self._command("matches_importer"), "--database_path", database, "--match_type", "pairs"]
-        done, count = 0, FIRST_NUM_PAIRS
-        with ProgressBar(f"matching {len(pairs)} pairs", len(pairs), "pairs") as bar:
-            while done < len(pairs):
-                some = pairs[done : done + count]
-                path = self.folder.write_list("pairs", (f"{first} {second}" for first, second in some))
-                begin = time.monotonic()
-                self.runner.run([*command, "--match_list_path", path])
-                rate = len(some) / max(time.monotonic() - begin, 1e-3)
-                count = max(FIRST_NUM_PAIRS, round(rate * SECONDS_PER_PART))
-                done += len(some)
-                bar.show(done, len(pairs), "pairs")
+        """Matches pairs and verifies the matches; those in the database are kept."""
+        match_pairs(self._command("matches_importer"), self.runner, self.folder, database, pairs)
 
     def match_retrieved(self, database: pathlib.Path, names: Sequence[str]) -> None:
         """Matches images with those that look alike, by a vocabulary tree of the database images."""
@@ -118,10 +103,7 @@ class Project:
             self.runner.run(words, bar)
 
     def _command(self, name: str) -> list[object]:
-        """Returns the words that run a command of COLMAP, with our SIFT unless the colmap is not ours."""
-        ours = f"lazy_{name}"
-        command_name = ours if has_command(self.colmap, ours) else name
-        return [self.colmap, command_name, gpu_option(self.colmap, command_name), int(self.use_gpu)]
+        return colmap_command(self.colmap, name, self.use_gpu)
 
     def _vocabulary_tree(self) -> pathlib.Path:
         """Returns the file of the tree, which goes with the features that it is made of."""
@@ -136,6 +118,39 @@ class Project:
                 self.runner.run(words, bar)
             staged.replace(tree)
         return tree
+
+
+def colmap_command(colmap: pathlib.Path, name: str, use_gpu: bool) -> list[object]:
+    """Returns the words that run a command of COLMAP, with our SIFT unless the colmap is not ours."""
+    ours = f"lazy_{name}"
+    command_name = ours if has_command(colmap, ours) else name
+    return [colmap, command_name, gpu_option(colmap, command_name), int(use_gpu)]
+
+
+def match_pairs(
+    command: Sequence[object],
+    runner: ColmapRunner,
+    folder: Folder,
+    database: pathlib.Path,
+    pairs: Sequence[tuple[str, str]],
+) -> None:
+    """Matches pairs by `command`, a matches_importer.
+
+    COLMAP writes matches, and says how far it is, only after each thousand pairs, which can take an hour. It gets as
+    many pairs at once as take a few seconds, so that their number shows the progress.
+    """
+    words = [*command, "--database_path", database, "--match_type", "pairs"]
+    done, count = 0, FIRST_NUM_PAIRS
+    with ProgressBar(f"matching {len(pairs)} pairs", len(pairs), "pairs") as bar:
+        while done < len(pairs):
+            some = pairs[done : done + count]
+            path = folder.write_list("pairs", (f"{first} {second}" for first, second in some))
+            begin = time.monotonic()
+            runner.run([*words, "--match_list_path", path])
+            rate = len(some) / max(time.monotonic() - begin, 1e-3)
+            count = max(FIRST_NUM_PAIRS, round(rate * SECONDS_PER_PART))
+            done += len(some)
+            bar.show(done, len(pairs), "pairs")
 
 
 def make_features(project: Project, cameras: Mapping[str, Camera | None]) -> list[str]:

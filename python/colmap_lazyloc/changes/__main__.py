@@ -1,0 +1,200 @@
+"""Finds what has changed between two epochs: things that have moved, vanished or are new.
+
+    lazyloc changes RESULTS
+
+RESULTS is the output folder of `lazyloc run --epoch` or of `colmap lazy_epoch`. The command prints a line for each
+change, and writes changes.json beside the results. `lazyloc report RESULTS` then shows the changes, too.
+
+A thing has moved if its points are at another place in the new photos, and all of them have moved as one rigid body. A
+thing has vanished if three database photos or more show points of it, and two new photos or more, from similar
+viewpoints, show what is behind them; the other way round, it is new. Nothing is said of a place that only photos of one
+epoch show, or of a surface that only looks otherwise.
+"""
+
+import argparse
+import json
+import pathlib
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from colmap_lazyloc import control_points
+from colmap_lazyloc.array_types import Floats
+from colmap_lazyloc.changes.missing import find_missing
+from colmap_lazyloc.changes.moved import Links, MovedThing, find_moved, link
+from colmap_lazyloc.changes.tracks import Photos, Points, photos_of, read_matches, read_photos, triangulate
+from colmap_lazyloc.control_points import NEW, database_model
+from colmap_lazyloc.database import DatabaseReader
+from colmap_lazyloc.errors import InputError, Parser, command
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.posed_images import PosedImage
+from colmap_lazyloc.project.colmap_runner import ColmapRunner
+from colmap_lazyloc.project.folder import MATCHES, Folder
+from colmap_lazyloc.project.pairs import pairs_by_viewpoint
+from colmap_lazyloc.project.steps import colmap_command, find_program, match_pairs
+from colmap_lazyloc.report.options_file import read_options
+from colmap_lazyloc.results import CHANGES, FoundRun, find_run
+
+NUM_NEIGHBORS = 10  # database photos with which each is matched
+MAX_NUM_LINES = 20  # of changes that are printed
+Change = dict[str, Any]  # an entry of changes.json
+
+
+def find_changes(photos: Photos, old: Points, new: Points, links: Links) -> list[Change]:
+    """Returns the changes: first what has moved, then what has vanished, then what is new."""
+    moved = find_moved(old, new, links)
+    changes = [_moved(photos, old, new, links, thing) for thing in moved]
+    for kind, shown, other, linked in (("vanished", old, new, links.old), ("new", new, old, links.new)):
+        is_known = np.zeros(len(shown.places), bool)
+        is_known[linked[links.is_static]] = True
+        for thing in moved:
+            is_known[linked[thing.links]] = True
+        for missing in find_missing(photos, shown, other, kind == "vanished", is_known):
+            places = shown.places[missing.points]
+            showing = photos_of(photos, shown, missing.points)
+            sets = (showing, missing.photos) if kind == "vanished" else (missing.photos, showing)
+            changes.append(
+                {
+                    "kind": kind,
+                    "centre": places.mean(axis=0).tolist(),
+                    "size": np.ptp(places, axis=0).tolist(),
+                    "num_points": len(places),
+                    "database_photos": _boxes(photos, sets[0], places),
+                    "new_photos": _boxes(photos, sets[1], places),
+                }
+            )
+    return changes
+
+
+def _moved(photos: Photos, old: Points, new: Points, links: Links, thing: MovedThing) -> Change:
+    before, now = links.old[thing.links], links.new[thing.links]
+    return {
+        "kind": "moved",
+        "centre": thing.before.tolist(),
+        "centre_now": thing.now.tolist(),
+        "size": np.ptp(old.places[before], axis=0).tolist(),
+        "displacement": thing.displacement.tolist(),
+        "displacement_stddevs": thing.stddevs.tolist(),
+        "rotation_deg": thing.angle_deg,
+        "num_points": len(thing.links),
+        "num_matches": int(links.num_matches[thing.links].sum()),
+        "database_photos": _boxes(photos, photos_of(photos, old, before), old.places[before]),
+        "new_photos": _boxes(photos, photos_of(photos, new, now), new.places[now]),
+    }
+
+
+def _boxes(photos: Photos, chosen: Sequence[int], places: Floats) -> list[Change]:
+    """Returns in which part of photos points are: left, top, right and bottom in pixels."""
+    boxes = []
+    for index in chosen:
+        camera, pixels = photos.cameras[index], photos.project(index, places)[0]
+        is_inside = np.all((pixels >= 0) & (pixels <= [camera.width, camera.height]), axis=1)
+        if is_inside.any():
+            inside = pixels[is_inside]
+            box = np.concatenate([inside.min(axis=0), inside.max(axis=0)]).round(1)
+            boxes.append({"name": photos.names[index], "box": box.tolist()})
+    return boxes
+
+
+def text_of(change: Change, unit: str) -> str:
+    """Returns a line on a change."""
+    photos = f"{len(change['database_photos'])} database photos and {len(change['new_photos'])} new ones"
+    text = f"{change['kind']}: {_vector(change['centre'])}, {change['num_points']} points, {photos}"
+    if change["kind"] == "moved":
+        text += f"; by {_vector(change['displacement'])} {unit}, standard deviation "
+        text += f"{_vector(change['displacement_stddevs'])} {unit}, turned by {change['rotation_deg']:.1f}°"
+    return text
+
+
+def _vector(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.3f}" for value in values)
+
+
+def _database_path(run: FoundRun, given: pathlib.Path | None) -> pathlib.Path:
+    """Returns the database of an epoch."""
+    if given is None and run.project is not None:
+        given = run.project.epoch / MATCHES
+    if given is None and run.results is not None:
+        given = pathlib.Path(read_options(run.results / "options.ini").values.get("database_path", ""))
+    if given is None or not given.is_file():
+        raise InputError(f"--database_path {given}: is not a file")
+    return given
+
+
+def _match_database(run: FoundRun, path: pathlib.Path, posed: dict[str, PosedImage]) -> None:
+    """Matches the database photos with each other, unless the database has such matches."""
+    with DatabaseReader(path) as database:
+        known = [image for name, image in sorted(posed.items()) if name in database.image_ids]
+        if any(posed.keys() >= set(pair) for pair in database.matched_pairs()):
+            return
+    pairs = pairs_by_viewpoint(known, NUM_NEIGHBORS) if len(known) > 1 else []
+    if not pairs:
+        raise InputError(f"{path}: has fewer than two database photos that look about the same way")
+    if run.project is None:
+        raise InputError(
+            f"{path}: has no matches of database photos with each other: run colmap lazy_exhaustive_matcher"
+        )
+    colmap = find_program()
+    folder = Folder(run.project.path)
+    match_pairs(colmap_command(colmap, "matches_importer", False), ColmapRunner(folder.log), folder, path, pairs)
+
+
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = Parser(prog="lazyloc changes", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("results", metavar="RESULTS", type=pathlib.Path, help="output folder of lazyloc run --epoch or lazy_epoch")
+    add(
+        "--database_path",
+        type=pathlib.Path,
+        metavar="FILE",
+        help="COLMAP database with keypoints of all photos and their matches, also among the photos of an epoch; "
+        "default: the one of the results",
+    )
+    add("--output", type=pathlib.Path, metavar="FILE", help=f"default: {CHANGES} beside the results")
+    return parser.parse_args(arguments)
+
+
+@command(name="lazyloc changes", extra="changes")
+def main(arguments: Sequence[str] | None = None) -> None:
+    options = parse_arguments(arguments)
+    run = find_run(options.results)
+    known, origin = control_points.read_photos(options.results)
+    if run.results is None or database_model(run) is None:
+        raise InputError(f"{options.results}: is not the output folder of lazyloc run --epoch or of colmap lazy_epoch")
+    path = _database_path(run, options.database_path)
+    posed = {
+        name: PosedImage(name, photo.camera, photo.pose)
+        for name, photo in known.items()
+        if photo.camera is not None and photo.pose is not None
+    }
+    new_names = {name for name in posed if known[name].set_name == NEW}
+    _match_database(run, path, {name: image for name, image in posed.items() if name not in new_names})
+    with DatabaseReader(path) as database:
+        photos = read_photos(database, posed, new_names)
+        old_matches, new_matches, across = read_matches(database, photos)
+    old, new = triangulate(photos, old_matches), triangulate(photos, new_matches)
+    links = link(old, new, across)
+    changes = find_changes(photos, old, new, links)
+    if origin is not None:
+        _add_geodetic(changes, origin)
+    output = options.output or run.results / CHANGES
+    try:
+        output.write_text(json.dumps(changes, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--output {output}: cannot be written: {error.strerror}") from None
+    unit = "units" if origin is None else "m"
+    for change in changes[:MAX_NUM_LINES]:
+        print(text_of(change, unit))
+    print(f"{len(changes)} changes; {links.is_static.sum()} points of both epochs have not moved")
+
+
+def _add_geodetic(changes: Sequence[Change], origin: GeoOrigin) -> None:
+    """Adds latitude and longitude in degrees, and height."""
+    for change in changes:
+        change["geodetic"] = origin.to_geodetic(np.array([change["centre"]]))[0].tolist()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
