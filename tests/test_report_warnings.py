@@ -1,6 +1,7 @@
 """Tests of what the warning box of a report finds, and of the commands that repeat queries localized together."""
 
 import json
+import os
 import re
 import shutil
 import sqlite3
@@ -46,6 +47,43 @@ def write_changed_run(folder, change, **shape):
 def test_nothing_to_warn_of(tmp_path):
     page = make_page(write_changed_run(tmp_path, lambda i, result: None))
     assert page.summary["warnings"] == []
+
+
+def write_changes(run_path, **more):
+    change = {"kind": "moved", "num_points": 9, "centre": [1.0, 2.0, 3.0], "bounds": [[0.0, 1.0, 2.0], [2.0, 3.0, 4.0]]}
+    change |= {"new_photos": [{"name": "query/000003.jpg", "box": [1, 2, 3, 4]}], **more}
+    (run_path / "changes.json").write_text(json.dumps([change]))
+
+
+def test_changes_between_epochs(tmp_path):
+    run_path = write_changed_run(tmp_path, lambda i, result: None)
+    moved = {"displacement": [0.3, 0.4, 0.0], "displacement_stddevs": [0.0, 0.01, 0.0], "centre_now": [1.3, 2.4, 3.0]}
+    write_changes(run_path, **moved)
+    page = make_page(run_path, "--unit", "m")
+    (item,) = page.summary["warnings"][0]["items"]
+    assert (
+        item["name"] == "moved"
+        and item["query"] == page.index("query/000003.jpg")
+        and "by 50 cm ± 1 cm" in item["text"]
+    )
+    lines = page.scene["changes"].reshape(-1, 2, 3)
+    assert len(lines) == 25  # a box of 12 edges before, one now, and from one to the other
+    assert np.allclose(lines[-1, 1] - lines[-1, 0], [0.3, 0.4, 0])
+    assert np.allclose(np.ptp(lines[:12].reshape(-1, 3), axis=0), 2)
+
+
+def test_changes_of_earlier_results_are_not_shown(tmp_path):
+    run_path = write_changed_run(tmp_path, lambda i, result: None)
+    write_changes(run_path)
+    os.utime(run_path / "changes.json", (0, 0))
+    assert make_page(run_path).summary["warnings"] == []
+
+
+def test_damaged_changes_are_named(tmp_path, capsys):
+    run_path = write_changed_run(tmp_path, lambda i, result: None)
+    (run_path / "changes.json").write_text("[{}]")
+    assert main([str(run_path), "--output", str(tmp_path / "report.html")]) == 1
+    assert str(run_path / "changes.json") in capsys.readouterr().err
 
 
 def test_queries_near_the_threshold(tmp_path):

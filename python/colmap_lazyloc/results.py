@@ -5,7 +5,7 @@ import dataclasses
 import json
 import pathlib
 from collections.abc import Callable, Iterable
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from colmap_lazyloc.text_files import Path, open_text
 
 RESULTS, MODEL, CHANGES = "results.jsonl", "model", "changes.json"  # in the output folder of a run
 REQUIRED_FIELDS = ("name", "status", "cam_from_world")
+
+
+Change = dict[str, Any]  # an entry of changes.json
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +61,20 @@ def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) ->
                 raise InputError(f"{path}: query '{result['name']}' has two results")
             results[result["name"]] = result
     return results
+
+
+def read_changes(folder: Path) -> list[Change]:
+    """Reads what `lazyloc changes` has found; empty if it was not run, or if the results are newer."""
+    path, results = pathlib.Path(folder) / CHANGES, pathlib.Path(folder) / RESULTS
+    if not path.is_file() or path.stat().st_mtime < results.stat().st_mtime:
+        return []
+    try:
+        changes: list[Change] = json.loads(path.read_text(encoding="utf-8"))
+        if not all({"kind", "centre", "bounds", "num_points", "new_photos"} <= change.keys() for change in changes):
+            raise ValueError
+        return changes
+    except (ValueError, AttributeError, TypeError):
+        raise InputError(f"{path}: is damaged or cut off") from None
 
 
 def read_geodetic(folder: Path) -> dict[str, list[float]]:

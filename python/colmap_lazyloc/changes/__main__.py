@@ -16,7 +16,6 @@ import json
 import pathlib
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -35,11 +34,10 @@ from colmap_lazyloc.project.folder import MATCHES, Folder
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint
 from colmap_lazyloc.project.steps import colmap_command, find_program, match_pairs
 from colmap_lazyloc.report.options_file import read_options
-from colmap_lazyloc.results import CHANGES, FoundRun, find_run
+from colmap_lazyloc.results import CHANGES, Change, FoundRun, find_run
 
 NUM_NEIGHBORS = 10  # database photos with which each is matched
 MAX_NUM_LINES = 20  # of changes that are printed
-Change = dict[str, Any]  # an entry of changes.json
 
 
 def find_changes(photos: Photos, old: Points, new: Points, links: Links) -> list[Change]:
@@ -59,7 +57,7 @@ def find_changes(photos: Photos, old: Points, new: Points, links: Links) -> list
                 {
                     "kind": kind,
                     "centre": places.mean(axis=0).tolist(),
-                    "size": np.ptp(places, axis=0).tolist(),
+                    "bounds": _bounds(places),
                     "num_points": len(places),
                     "database_photos": _boxes(photos, sets[0], places),
                     "new_photos": _boxes(photos, sets[1], places),
@@ -74,7 +72,7 @@ def _moved(photos: Photos, old: Points, new: Points, links: Links, thing: MovedT
         "kind": "moved",
         "centre": thing.before.tolist(),
         "centre_now": thing.now.tolist(),
-        "size": np.ptp(old.places[before], axis=0).tolist(),
+        "bounds": _bounds(old.places[before]),
         "displacement": thing.displacement.tolist(),
         "displacement_stddevs": thing.stddevs.tolist(),
         "rotation_deg": thing.angle_deg,
@@ -83,6 +81,10 @@ def _moved(photos: Photos, old: Points, new: Points, links: Links, thing: MovedT
         "database_photos": _boxes(photos, photos_of(photos, old, before), old.places[before]),
         "new_photos": _boxes(photos, photos_of(photos, new, now), new.places[now]),
     }
+
+
+def _bounds(places: Floats) -> list[list[float]]:
+    return [places.min(axis=0).tolist(), places.max(axis=0).tolist()]
 
 
 def _boxes(photos: Photos, chosen: Sequence[int], places: Floats) -> list[Change]:

@@ -20,7 +20,7 @@ from colmap_lazyloc.report.geometry import stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
 from colmap_lazyloc.report.result_check import check_result
 from colmap_lazyloc.result_fields import LeaveOneOutFields, ResultFields
-from colmap_lazyloc.results import RESULTS, pose_of, read_results, unconfirmed_pose_of
+from colmap_lazyloc.results import RESULTS, Change, pose_of, read_changes, read_results, unconfirmed_pose_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Run:
     leave_one_out: LeaveOneOutFields | None  # leave_one_out.json
     truth: dict[str, Pose]  # by query name; empty if unknown
     unit: str  # of lengths: METRE, or MODEL_UNITS
+    changes: list[Change]  # between two epochs, changes.json
 
     @property
     def title(self) -> str:
@@ -123,6 +124,7 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str
         leave_one_out,
         {name: pose for name, pose in truth.items() if name in results},
         unit_of(path, unit),
+        read_changes(path),
     )
 
 

@@ -11,6 +11,7 @@ from colmap_lazyloc.report import geometry
 from colmap_lazyloc.report.chunk import Values
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
+from colmap_lazyloc.results import Change
 
 
 def scene_chunk(
@@ -46,6 +47,7 @@ def scene_chunk(
         "pointDeltas": np.diff(points.indices, prepend=np.uint32(0)).astype(np.uint32),
         "queryConnections": _query_connections(run),
         "databaseConnections": _database_connections(run, frames),
+        "changes": _change_lines(run.changes, origin),
     }
     for name, array in arrays.items():
         if array.dtype == np.float64:  # after the origin is subtracted, because single precision has 7 digits
@@ -109,6 +111,22 @@ def _database_connections(run: Run, frames: list[list[str]]) -> Array:
     index = run.database_index
     pairs = [pair for names in frames for pair in itertools.pairwise([index[name] for name in names if name in index])]
     return np.array(pairs, np.uint32).reshape(-1, 2)
+
+
+def _change_lines(changes: list[Change], origin: Array) -> Array:
+    """Returns lines around things that have changed, n x 6: the edges of a box, and where it has moved to."""
+    corners = np.array(list(itertools.product((0, 1), repeat=3)))
+    edges = [(a, b) for a, b in itertools.combinations(range(8), 2) if np.abs(corners[a] - corners[b]).sum() == 1]
+    lines = []
+    for change in changes:
+        low, high = np.array(change["bounds"]) - origin
+        box = low + corners * (high - low)
+        lines += [(box[a], box[b]) for a, b in edges]
+        if "displacement" in change:
+            moved = box + change["displacement"]
+            lines += [(moved[a], moved[b]) for a, b in edges]
+            lines.append((change["centre"] - origin, change["centre_now"] - origin))
+    return np.array(lines, float).reshape(-1, 6)
 
 
 def _size(centres: Array, points: Array) -> float:

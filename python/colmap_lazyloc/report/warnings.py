@@ -49,6 +49,7 @@ def find_warnings(run: Run, size: float, database: DatabaseReader | None, gaps: 
     """Returns the warnings that have items; `size`: that of the scene."""
     finders = (_wrong, _contradicting_images, _contradicted_intrinsics, _rig_errors, _near_threshold, _failures)
     found = [
+        _changes(run),
         _contradicted_poses(run, database),
         *(find(run) for find in finders),
         _same_place(run, size),
@@ -63,6 +64,22 @@ def find_warnings(run: Run, size: float, database: DatabaseReader | None, gaps: 
 
 def _item(name: str, query: int, text: str) -> Item:
     return {"name": name, "query": query, "text": text}
+
+
+def _changes(run: Run) -> tuple[str, str, list[Item]]:
+    """Lists what `lazyloc changes` has found, each with the query that shows most of it."""
+    queries = {name: i for i, name in enumerate(run.names)}
+    items = []
+    for change in run.changes:
+        seen = [queries[photo["name"]] for photo in change["new_photos"] if photo["name"] in queries]
+        place = ", ".join(f"{value:.2f}" for value in change["centre"])
+        text = f"at {place}, {change['num_points']} points"
+        if "displacement" in change:
+            length, std = (np.linalg.norm(change[name]) for name in ("displacement", "displacement_stddevs"))
+            text += f", by {format_length(float(length), run.unit)} ± {format_length(float(std), run.unit)}"
+        items.append(_item(change["kind"], seen[0] if seen else -1, text))
+    explanation = "Photos of both epochs contradict each other there. The lines in the scene show where."
+    return "Things that have moved, vanished or are new", explanation, items
 
 
 def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str, str, list[Item]]:

@@ -93,6 +93,7 @@ export interface Scene {
   pointIndices: Uint32Array; // stored as differences "pointDeltas" (modulo 2^32), which data.ts sums up
   queryConnections: Uint32Array; // pairs of queries that one frame or trajectory joins
   databaseConnections: Uint32Array; // pairs of database images of one frame
+  changes: Float32Array; // 6 l: lines around things that have changed between two epochs, and from where they have moved
 }
 
 // Chunk "details/BLOCK": what the query page shows in words, for the queries BLOCK * DETAILS_PER_BLOCK and on; k queries.

@@ -18,7 +18,7 @@ const MAX_NUM_COARSE_LINES = 3000;
 const SMALL_FRUSTUM_PIXELS = 5;
 const SMALL_ELLIPSOID_PIXELS = 3;
 
-export type LayerName = "points" | "database" | "ellipsoids" | "truth" | "bearings" | "connections";
+export type LayerName = "points" | "database" | "ellipsoids" | "truth" | "bearings" | "connections" | "changes";
 
 export function queryPoses({ scene }: ViewData): Poses {
   return { centres: scene.queryCentres, rotations: scene.queryRotations, extents: scene.queryExtents };
@@ -56,6 +56,7 @@ export class Layers {
   private readonly bearings = new Lines({ width: 1.6, isDashed: true });
   private readonly connections = new Lines({ width: 1, opacity: 0.7 });
   private readonly databaseConnections = new Lines({ width: 1, opacity: 0.5 });
+  private readonly changes = new Lines({ width: 2 });
   private queryDots: PointCloud | null = null;
   private databaseDots: PointCloud | null = null;
   private readonly hidden = new Set<LayerName>();
@@ -73,6 +74,7 @@ export class Layers {
     this.database = new Frustums({ width: 1, opacity: scene.databaseNames.length > 500 ? 0.5 : 0.9 });
     this.root.add(this.points.object, this.database.group, this.connections.mesh, this.databaseConnections.mesh);
     this.root.add(this.truth.group, this.errors.mesh, this.bearings.mesh, this.queries.group, this.ellipsoids.mesh);
+    this.root.add(this.changes.mesh);
   }
 
   get numFrustums(): number {
@@ -118,6 +120,7 @@ export class Layers {
     const colors = sceneColors();
     const isDrawn = (query: number) => this.isShown[query] === 1 && hasPosition(scene, query);
     this.databaseConnections.set(linesBetween(scene.databaseConnections, scene.databaseCentres, () => true), colors.database);
+    this.changes.set(scene.changes, colors.changes);
     this.connections.set(linesBetween(scene.queryConnections, scene.queryCentres, isDrawn), colors.selected);
     const queries = [...this.isShown.keys()].filter((query) => this.isShown[query] === 1);
     this.placed = queries.filter((query) => hasPosition(scene, query));
@@ -222,6 +225,7 @@ export class Layers {
     show(this.connections.mesh, "connections", count(this.connections.mesh));
     show(this.truth.group, "truth", this.truth.numDrawn > 0);
     show(this.errors.mesh, "truth", count(this.errors.mesh));
+    show(this.changes.mesh, "changes", count(this.changes.mesh));
     show(this.bearings.mesh, "bearings", count(this.bearings.mesh));
     show(this.ellipsoids.mesh, "ellipsoids", this.ellipsoids.numDrawn > 0 && !this.isCoarse);
   }

@@ -52,6 +52,7 @@ export class Overlay {
     add(numPlaced > 0, "ellipsoids", "ball", () => "currentColor", this.factorText);
     add(scene.trueCentres.length > 0, "truth", "dashed", () => sceneColors().truth, "True position, error line");
     add(queriesOf(this.data, (query) => hasBearing(scene, query)) > 0, "bearings", "dash", () => statusColor("SCALE_UNOBSERVABLE"), "Bearing without distance");
+    add(scene.changes.length > 0, "changes", "line", () => sceneColors().changes, "Moved, vanished or new");
     const numConnections = scene.queryConnections.length + scene.databaseConnections.length;
     add(numConnections > 0, "connections", "line", () => sceneColors().selected, "Rig or trajectory");
     const fixed = (color: () => string, text: string) =>
