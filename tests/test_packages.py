@@ -41,6 +41,26 @@ def all_options(colmap, command="lazy_localizer", flag="--help-all"):
     return set(re.findall(r"^ +(?:-h \[ )?(--[\w.-]+)", run(colmap, command, flag), re.MULTILINE))
 
 
+def test_long_steps_of_setup_show_how_far_they_are(tmp_path):
+    """Runs a command as setup.sh runs ninja, with seconds in place of half minutes."""
+    script = """
+        source scripts/environment.sh; source scripts/apt.sh
+        sleep() { command sleep 0.4; }
+        build() { command sleep 0.6; echo '[3/12] Building a.o'; command sleep 0.7; return 5; }
+        log=$1/log
+        touch "$log"
+        share_of_all() { share_of_build everything "$log"; }
+        with_progress "$log" share_of_all build
+    """
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    command = ["bash", "-c", script, "setup.sh", str(tmp_path)]
+    done = subprocess.run(command, cwd=PROJECT_PATH, env=environment, capture_output=True, text=True, check=False)
+    lines = done.stderr.splitlines()
+    assert done.returncode == 5 and done.stdout == ""
+    assert lines[0] == "setup.sh: building everything: 0 of 0 steps, 0 %"
+    assert lines[-1] == "setup.sh: building everything: 3 of 12 steps, 25 %"
+
+
 def test_wheel_holds_every_file_of_the_package(tmp_path):
     """Builds the wheel without its extension module, because the rules that choose its files are the same."""
     settings = ["wheel.cmake=false", "wheel.py-api=", f"build-dir={tmp_path / 'build'}"]
