@@ -26,6 +26,8 @@ DESCRIBED = {
 }
 WITH_ALIASES = ("array_types", "inputs", "poses", "model", "evaluate")
 WITH_ALL_CLASSES = "result_fields"
+MAX_SIGNATURE = 100  # characters in a line
+PARAMETER = re.compile(r"(?:^|(?<=[.;] )|(?<=\n))(?=(?:`\w+`(?:, )?)+: )")  # where a docstring describes a parameter
 
 
 def read_module(name: str) -> tuple[ast.Module, list[str]]:
@@ -39,13 +41,17 @@ def type_of(annotation: ast.expr | None) -> str:
 
 
 def signature(function: ast.FunctionDef, name: str) -> str:
-    """Returns `name(parameters) -> type`."""
+    """Returns `name(parameters) -> type`, with a line for each parameter if one line is too short."""
     arguments = function.args
     arguments.args = [argument for argument in arguments.args if argument.arg != "self"]
     result = "" if function.name == "__init__" else f" -> {type_of(function.returns)}"
     for argument in (*arguments.args, *arguments.kwonlyargs):
         argument.annotation = argument.annotation and ast.Name(type_of(argument.annotation))
-    return f"{name}({ast.unparse(arguments)}){result}"
+    text = f"{name}({ast.unparse(arguments)}){result}"
+    if len(text) <= MAX_SIGNATURE:
+        return text
+    parameters = re.split(r", (?=\*|\w+: )", ast.unparse(arguments))
+    return f"{name}(\n" + "".join(f"    {parameter},\n" for parameter in parameters) + f"){result}"
 
 
 def text_of(node: ast.ClassDef | ast.FunctionDef) -> str:
@@ -53,7 +59,15 @@ def text_of(node: ast.ClassDef | ast.FunctionDef) -> str:
 
 
 def describe_function(function: ast.FunctionDef, name: str) -> list[str]:
-    return [f"**`{signature(function, name)}`** {text_of(function)}", ""]
+    """Returns a heading with the name, for links, the signature, and the docstring with its parameters as a list. A
+    constructor is below the heading of its class."""
+    paragraphs = []
+    for paragraph in text_of(function).split("\n\n"):
+        text, *parameters = PARAMETER.split(paragraph)
+        items = "\n".join(f"- {parameter.strip()}".replace("\n", "\n  ") for parameter in parameters)
+        paragraphs += [part for part in (text.strip(), items) if part]
+    heading = [] if function.name == "__init__" else [f"#### `{name}`", ""]
+    return [*heading, "```python", signature(function, name), "```", "", "\n\n".join(paragraphs), ""]
 
 
 def describe_class(cls: ast.ClassDef, lines: list[str]) -> list[str]:
@@ -69,7 +83,7 @@ def describe_class(cls: ast.ClassDef, lines: list[str]) -> list[str]:
         elif node.name == "__init__" and text_of(node):
             described += describe_function(node, cls.name)
         elif not node.name.startswith("_"):
-            described += describe_function(node, node.name)
+            described += describe_function(node, f"{cls.name}.{node.name}")
     return described
 
 

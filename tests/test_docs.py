@@ -77,6 +77,18 @@ def test_each_page_shows_the_version(site):
     assert f"colmap_lazyloc {colmap_lazyloc.__version__}" in (site / "users" / "index.html").read_text()
 
 
+def test_home_leads_to_the_start_page(site):
+    """From the disk, a link to the folder would show its files."""
+    for page, target in (("index.html", "index.html"), ("users/robots.html", "../index.html")):
+        (link,) = re.findall(r'<a href="([^"]*)"[^>]* class="md-header__button md-logo"', (site / page).read_text())
+        assert link == target
+
+
+def test_methods_have_anchors_and_lists_of_parameters(site):
+    text = (site / "python.html").read_text()
+    assert 'id="localizerlocalize_photo"' in text and "<li><code>camera</code>: " in text
+
+
 def test_formulas_are_mathml(site):
     text = (site / "method.html").read_text()
     assert text.count("<math") > 40 and "arithmatex" not in text and "\\frac" not in text

@@ -118,6 +118,7 @@ class Localizer:
         from GPS. The uncertainty is one standard deviation, one for each coordinate, or a 3x3 covariance.
         `gravity`: ((x, y, z), standard deviation in degrees), the downward direction in the camera's axes (x right, y
         down, z forward). It needs the option world_up.
+
         These values replace the values in files that the options name. They are not used if the images contradict
         them; `as_dict()["priors"]` of the result shows how they were used.
         """
@@ -190,10 +191,11 @@ class Localizer:
     ) -> Iterator[Result]:
         """Localizes many queries on several threads, and returns a generator of results in order of completion.
 
-        `queries`: names from `queries`, `Photo` and `Matches`; default: all of `queries`. `num_threads`: number of
-        threads, -1 uses all cores; default: the property `num_threads`. `progress`: True shows a progress bar (tqdm) on
-        the standard error output. After Ctrl-C, or when the generator is closed, the running queries are finished and
-        no new queries start.
+        `queries`: names from `queries`, `Photo` and `Matches`; default: all of `queries`.
+        `num_threads`: number of threads, -1 uses all cores; default: the property `num_threads`.
+        `progress`: True shows a progress bar (tqdm) on the standard error output.
+
+        After Ctrl-C, or when the generator is closed, the running queries are finished and no new queries start.
         """
         localizer = self._open()
         num_threads = self.num_threads if num_threads is None else num_threads
