@@ -68,10 +68,12 @@ export const EXPLANATIONS = {
   images: "Database images whose relative pose to the query was used.",
 };
 
+const REM_PER_CHARACTER = 0.5; // of names in capital letters and of digits
+
 // Returns a width for texts of these lengths, beside something that is `extra` rem wide.
 function textWidth(texts: string[], extra: number): number {
   const longest = texts.reduce((max, { length }) => Math.max(max, length), 6);
-  return Math.min(13, Math.max(7, 1 + extra + 0.46 * longest));
+  return Math.min(13, Math.max(7, 1 + extra + REM_PER_CHARACTER * longest));
 }
 
 function textColumns(queries: Queries, summary: Summary): Column[] {
@@ -83,6 +85,7 @@ function textColumns(queries: Queries, summary: Summary): Column[] {
       id: "name",
       label: "Query",
       width: Math.min(12, textWidth(queries.names, 0)),
+      growth: 1,
       kind: "text",
       text: (query) => visibleText(queries.names[query]),
       key: ranks(queries.names),
@@ -113,11 +116,15 @@ function textColumns(queries: Queries, summary: Summary): Column[] {
 // Returns the column that says where each query is, or why that is not known.
 function answerColumn(queries: Queries): Column {
   const system = mainSystem(queries);
+  const longest = queries.names.reduce(
+    (max, _, query) => Math.max(max, positionTexts(queries, query, system)?.join(", ").length ?? 0),
+    0,
+  );
   return {
     id: "position",
     label: axesText(queries.systems[system]),
     explanation: "Where the photo was taken; or why the query has no position, or none to rely on.",
-    width: 16.2,
+    width: Math.max(16.2, 1 + REM_PER_CHARACTER * longest),
     growth: 8,
     kind: "text",
     isWorstLow: true,
