@@ -79,6 +79,8 @@ RUN = {"--database_images": "photos", "--queries": "new", "--output": "out", "--
         ({"--SiftExtraction.max_num_features": "-5"}, "--SiftExtraction.max_num_features must be >= -1, but is -5"),
         ({"--LazyLocalizer.num_retreived": "4"}, "the nearest is --LazyLocalizer.num_retrieved"),
         ({"--LazyLocalizer.min_confidence": "7"}, "--LazyLocalizer.min_confidence must be <= 1, but is 7"),
+        ({"--epoch": "yes"}, "--epoch: invalid choice: 'yes'; choose from 'new', 'both'"),
+        ({"--control_points": "notes.txt"}, "--control_points has no effect with --poses"),
     ],
 )
 def test_mistakes_of_run(typed, changed, message):
@@ -87,8 +89,47 @@ def test_mistakes_of_run(typed, changed, message):
 
 
 @pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--sequence 3", "--sequence needs --query_camera"),
+        ("--epoch both --sequence 3", "--sequence needs --query_camera"),
+        ("--control_points nowhere.txt", "nowhere.txt: does not exist"),
+        ("--control_points notes.txt", "notes.txt: has no row with the names of its columns"),
+        ("--scale a.png b.png", "--scale: expected 3 arguments"),
+        ("--scale a.png z.png 4.2", "--scale z.png: is not in --database_images; the nearest is b.png"),
+        ("--scale a.png b.png far", "--scale: expected a distance in metres, found 'far'"),
+        ("--crs EPSG:99999", "--crs EPSG:99999: Invalid projection"),
+    ],
+)
+def test_mistakes_of_run_without_poses(typed, words, message):
+    command = f"run --database_images photos --queries new --output out {words}"
+    lines = typed(command.split()).splitlines()
+    assert len(lines) == 1 and message in lines[0], lines
+
+
+@pytest.mark.parametrize(
     ("command", "message"),
     [
+        ("control_points", "required: RESULTS, FILE"),
+        ("control_points model nowhere.txt", "nowhere.txt: does not exist"),
+        ("control_points model notes.txt", "notes.txt: has no row with the names of its columns"),
+        ("control_points model notes.txt --ouput x", "unknown option --ouput; the nearest is --output"),
+        ("export nowhere --format tum --output x.tum", "nowhere/results.jsonl: cannot be read"),
+        ("export model --format tumm --output x.tum", "--format: invalid choice: 'tumm'; the nearest is tum"),
+        ("export model --format tum", "required: --output"),
+        ("export model --format tum --ouput x", "unknown option --ouput; the nearest is --output"),
+        ("serve", "required: MODEL"),
+        ("serve nowhere", "nowhere: does not exist"),
+        ("serve notes.txt", "notes.txt: is not a folder"),
+        ("serve model", "database.db: does not exist: name the database with --database_path"),
+        ("serve model --prt 1", "unknown option --prt; the nearest is --port"),
+        ("serve model --port http", "--port: must be a whole number from 0 to 65535, but is 'http'"),
+        ("check notes.txt model", "notes.txt: is not a readable COLMAP database"),
+        ("check notes.txt nowhere", "nowhere: holds no COLMAP model"),
+        ("cluster --num_shards 3", "required: --output_path"),
+        ("evaluate nowhere --ground_truth model", "nowhere: cannot be read"),
+        ("import tum notes.txt --output_path m", "notes.txt: has 1 column instead of 8"),
+        ("import exif photos --output_path g.txt --model model", "--model model: has no geo.json"),
         ("rum", "unknown command 'rum'; the nearest is run"),
         ("help rum", "unknown command 'rum'; the nearest is run"),
         ("run", "required: --database_images, --queries, --output"),

@@ -452,12 +452,12 @@ def test_folder_of_a_run_is_a_model(photos, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["{}/none"], "--database_path"),
+        (["{}/none"], "none: does not exist"),
         (["{model}", "--database_path", "{}/none"], "none: does not exist"),
         (["{model}", "--tokens", "{}/none"], "none: cannot be read"),
         (["{model}", "--tokens", "{}/empty"], "empty: contains no token"),
         (["{model}", "--tokens", "{}/bad"], "bad, line 2: a token must be printable ASCII without blanks"),
-        (["{model}", "--max_megabyte", "1"], "unknown option max_megabyte"),
+        (["{model}", "--max_megabyte", "1"], "unknown option --max_megabyte; the nearest is --max_megabytes"),
         (["{model}", "--SiftExtraction.first_octave"], "a value is missing"),
         (["{model}", "--LazyLocalizer.seed", "1", "--LazyLocalizer.seed=2"], "--LazyLocalizer.seed is given twice"),
         (["{model}", "more"], "unknown argument more"),

@@ -105,7 +105,7 @@ def read_control_points(paths: Sequence[pathlib.Path], crs: str | None = None) -
 def _read(path: pathlib.Path, found: ControlPoints) -> None:
     """Adds what a file has."""
     if not path.is_file():
-        raise InputError("is not a file")
+        raise InputError("is not a file" if path.exists() else "does not exist")
     head = Head(path)
     if head.xml("<marker"):
         _read_metashape(path, found)

@@ -97,7 +97,7 @@ class Table:
             self.titles = next((words for layout in layouts if len(words := layout.split()) == count), [])
             if not self.titles:
                 counts = " or ".join(str(len(layout.split())) for layout in layouts)
-                raise InputError(f"{path}: has {count} columns instead of {counts}")
+                raise InputError(f"{path}: has {count} column{'s' * (count > 1)} instead of {counts}")
         if not self.titles:
             raise InputError(f"{path}: has no row with the names of its columns")
         self.columns = [simple_name(title) for title in self.titles]

@@ -259,6 +259,8 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
     names = {word.partition("=")[0] for word in words}
     if has_stored_queries(options) and "--onnx_path" in names:
         raise InputError("--onnx_path has no effect with --masks and --sequence")
+    if options.sequence is not None and options.query_camera is None and options.poses is None:
+        raise InputError("--sequence needs --query_camera, because frames with unknown intrinsics are localized alone")
     if options.sequence is not None and "--LazyLocalizer.group_size" in names:
         raise InputError("--LazyLocalizer.group_size: is given by --sequence")
     for video in videos:

@@ -15,7 +15,8 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from colmap_lazyloc.errors import InputError, Parser, command, logger, positive_int
+from colmap_lazyloc.errors import InputError, Parser, command, logger, nearest, positive_int
+from colmap_lazyloc.settings import list_options
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -63,7 +64,13 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
         help="maximum time from a request to its answer; default: %(default)s",
     )
     options, words = parser.parse_known_args(arguments)
-    return options, _parse_words(words)
+    settings = _parse_words(words)
+    known = list_options()
+    for name in settings:
+        if name not in known and all(option.rpartition(".")[2] != name for option in known):
+            near = nearest(f"--{name}", [f"--{word}" for word in (*vars(options), *known)])
+            raise InputError(f"unknown option --{name}{near}")
+    return options, settings
 
 
 def _port(text: str) -> int:

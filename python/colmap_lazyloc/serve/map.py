@@ -40,6 +40,8 @@ class Source:
     def open(self) -> Map:
         """Opens the model and the database as they are now; raises InputError if that is impossible."""
         project, settings, model = find_run(self.folder).project, dict(self.settings), self.model
+        if not model.is_dir():
+            raise InputError(f"{model}: " + ("is not a folder" if model.exists() else "does not exist"))
         database = self.database or model.resolve().parent / "database.db"
         if not database.exists():
             hint = "does not exist" if self.database else "does not exist: name the database with --database_path"
