@@ -185,7 +185,9 @@ def courtyard(photos, colmap, monkeypatch, tmp_path):
 def test_run_by_a_distance(courtyard, photos, capsys):
     centres = {name: pose.cam_in_world for name, pose in photos.poses.items()}
     courtyard()
-    assert "lengths are in units of the model: no photo has GPS (--scale gives metres)" in capsys.readouterr().err
+    assert (
+        "lengths are in units of the model, because no photo has GPS; --scale gives metres" in capsys.readouterr().err
+    )
     metres = np.linalg.norm(centres["database/5.png"] - centres["database/0.png"])
     output = courtyard("--scale", "0.png", "5.png", f"{metres}")
     printed = capsys.readouterr()

@@ -52,9 +52,9 @@ def describe_extra(name: str, extra: Extra) -> str:
         else:
             missing[package] = module
     if not missing:
-        return f"{name:<10} {', '.join(versions)}"
+        return f"{name:<14} {', '.join(versions)}"
     how = install_command(name, list(missing.values()))
-    return f"{name:<10} missing: {', '.join(missing)}; {how} brings {extra.purpose}"
+    return f"{name:<14} missing: {', '.join(missing)}; {how} brings {extra.purpose}"
 
 
 def _version(package: str, module: str) -> str:

@@ -18,8 +18,8 @@ OPENCV = {"opencv-python-headless": "cv2"}
 TQDM = {"tqdm": "tqdm"}
 EXTRAS = {
     "run": Extra(
-        "lazyloc run: videos, HEIC, check of the poses, photos in the report, progress",
-        {**OPENCV, "pillow": "PIL", "pillow-heif": "pillow_heif", "scipy": "scipy", **TQDM},
+        "lazyloc run: videos, HEIC, GPS, check of the poses, photos in the report, progress",
+        {**OPENCV, "pillow": "PIL", "pillow-heif": "pillow_heif", "pyproj": "pyproj", "scipy": "scipy", **TQDM},
     ),
     "import": Extra(
         "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles, check of poses",

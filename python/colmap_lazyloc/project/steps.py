@@ -303,7 +303,7 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None) ->
             raise InputError(f"--{option}: {error}") from None
         remove(folder.model)
         shutil.copytree(largest, folder.model)
-        logger.warning("lengths are in units of the model: %s (--scale gives metres)", error)
+        logger.warning("lengths are in units of the model, because %s; --scale gives metres", error)
     else:
         logger.info(text)
         (folder.model / ALIGNMENT).write_text(f"{text}\n", encoding="utf-8")
@@ -312,7 +312,7 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None) ->
 def _gps_of_photos(folder: Folder, names: Sequence[str]) -> Positions:
     """Returns the positions that images have in EXIF; raises NotAlignedError if there is none."""
     if missing := _missing_for_gps():
-        raise NotAlignedError(f"GPS of photos is not read ({install_command('import', missing)})")
+        raise NotAlignedError(f"GPS of photos cannot be read ({install_command('run', missing)})")
     found = read_photos({name: folder.images / name for name in names})
     if not found:
         raise NotAlignedError("no photo has GPS")
