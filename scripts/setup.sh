@@ -63,8 +63,9 @@ install_requirements() {
   # scripts/environment.sh and scripts/python.sh set PYTHONPATH to that of their own checkout.
   "$PYTHON" -c "" 2>/dev/null || python3 -m venv --clear "$VENV_DIR"
   share_of_requirements() {
-    share "downloading Python packages" "$(grep -cE '^(Collecting|Requirement already).* \(from -r' "$log")" \
-      "$(grep -c . "$list")" "of the list"
+    # pip learns only while it downloads what the packages of the list need.
+    echo "$(share "downloading Python packages" "$(grep -cE '^(Collecting|Requirement already).* \(from -r' "$log")" \
+      "$(grep -c . "$list")" "of the list"); $(grep -c '^ *Downloading' "$log") files with what these need"
   }
   : > "$log"
   with_progress "$log" share_of_requirements "$VENV_DIR/bin/pip" install --progress-bar off --disable-pip-version-check \
