@@ -363,18 +363,27 @@ def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
     shown = []
 
     class Bar:
-        def __init__(self, leave):
+        def __init__(self, leave, total, postfix):
             assert not leave
+            shown.append((0, total, postfix))
 
         def set_postfix_str(self, text, refresh):
             shown.append((self.n, self.total, text))
+
+        def clear(self):
+            shown.append("cleared")
+
+        def refresh(self):
+            shown.append("drawn")
 
     monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: Bar)
     bar = ProgressBar("mapping", 20, "photos have poses")
     for line in LOG:
         bar.read(line, {})
     bar.read("", {"done": 1, "of": 4})
-    assert shown == [(0, 20, "photos have poses"), *COUNTS, (1, 4, "queries")]
+    with bar.hidden():  # a line that is written meanwhile stands alone
+        shown.append("line")
+    assert shown == [(0, 20, "photos have poses"), *COUNTS, (1, 4, "queries"), "cleared", "line", "drawn"]
 
 
 def test_lines_of_progress_have_the_time_that_is_left(monkeypatch, caplog):

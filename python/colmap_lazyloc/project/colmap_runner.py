@@ -7,7 +7,8 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 from colmap_lazyloc.cluster.task import PR_SET_PDEATHSIG
@@ -59,7 +60,8 @@ class ColmapRunner:
                     if result.get("position") and not has_pose:
                         has_pose = True
                         x, y, z = result["position"]
-                        logger.info(f"first pose: {result['query']} at {x:.3f} {y:.3f} {z:.3f}")
+                        with nullcontext() if bar is None else bar.hidden():
+                            logger.info(f"first pose: {result['query']} at {x:.3f} {y:.3f} {z:.3f}")
                     text = COLOUR.sub("", line).strip()
                     if text and not STACK_TRACE.match(text):
                         last_line = text
@@ -81,11 +83,9 @@ class ProgressBar:
         """`total`, `what`: how many of what the step has to do, if that is known."""
         logger.info(title)
         bar = terminal_bar()
-        self._bar = None if bar is None else bar(leave=False)
+        self._bar = None if bar is None else bar(leave=False, total=total or None, postfix=what or None)
         self._total, self._begin = total, time.monotonic()
         self._time = self._begin
-        if total > 0 and self._bar is not None:
-            self.show(0, total, what)
 
     def __enter__(self) -> "ProgressBar":
         return self
@@ -93,6 +93,15 @@ class ProgressBar:
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.close()
+
+    @contextmanager
+    def hidden(self) -> Iterator[None]:
+        """Takes the bar away while a line is written."""
+        if self._bar is not None:
+            self._bar.clear()
+        yield
+        if self._bar is not None:
+            self._bar.refresh()
 
     def read(self, line: str, result: dict[str, Any]) -> None:
         """Reads a line of COLMAP, such as `Processed file [3/40]`, or the result of a query."""
