@@ -7,8 +7,8 @@ as_root() {
   if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi
 }
 
-# Runs a command whose output goes to the log $1. While it runs, says every 30 seconds how far it is: what the function $2
-# prints.
+# Runs a command whose output goes to the log $1. While it runs, says every 30 seconds how far it is: the function $2 prints
+# this.
 with_progress() {
   local log=$1 count=$2 reporter code=0
   shift 2
@@ -55,7 +55,8 @@ install_packages() {
 
 # Makes a folder `work` and sets `private`, the options of apt-get that fetch from a release of Debian with a private
 # configuration, because the machine's configuration must not change. Takes the first of the machine's archives that has
-# the release with Debian's signature, so that apt verifies what it fetches, whatever the mirror calls itself.
+# the release with Debian's signature, so that apt verifies what it fetches, whatever the mirror calls itself. The last is
+# DEBIAN_ARCHIVE, for Ubuntu, whose apt has no archive of Debian.
 # Arguments: deb or deb-src, and the release's name.
 prepare_debian() {
   local archive
@@ -65,7 +66,7 @@ prepare_debian() {
   mkdir -p "$work/lists/partial" "$work/sources.d" "$work/download"
   private=(-q -o "Dir::Etc::sourcelist=$work/sources.list" -o "Dir::Etc::sourceparts=$work/sources.d"
            -o "Dir::State::Lists=$work/lists" -o "Dir::Cache=$work" -o "APT::Sandbox::User=$(id -un)")
-  for archive in $(list_archives); do
+  for archive in $(list_archives) ${DEBIAN_ARCHIVE:-}; do
     echo "$1 [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $archive $2 main" > "$work/sources.list"
     ! apt-get "${private[@]}" update >> "$work/log" 2>&1 || return 0
   done

@@ -5,6 +5,7 @@
 #
 #   COLMAP_SOURCE_DIR   COLMAP source tree to build against (3.10 or 4.x); default: Debian's source package
 #   BUILD_DIR           build folder; default: build below the checkout
+#   DEBIAN_ARCHIVE      address of an archive of Debian, on systems whose apt has none (Ubuntu)
 #   CMAKE_ARGS          further arguments of the CMake configuration
 #   BUILD_TARGETS       targets to build; default: all
 #
@@ -68,8 +69,8 @@ install_requirements() {
       "$(grep -c . "$list")" "of the list"); $(grep -c '^ *Downloading' "$log") files with what these need"
   }
   : > "$log"
-  with_progress "$log" share_of_requirements "$VENV_DIR/bin/pip" install --progress-bar off --disable-pip-version-check \
-    -r "$list" || { tail -20 "$log" >&2; return 1; }
+  with_progress "$log" share_of_requirements "$VENV_DIR/bin/pip" install --progress-bar off \
+    --disable-pip-version-check -r "$list" || { tail -20 "$log" >&2; return 1; }
   cp "$list" "$stamp"
 }
 
