@@ -22,7 +22,7 @@ import numpy as np
 from colmap_lazyloc import control_points
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.changes.missing import find_missing
-from colmap_lazyloc.changes.moved import Links, MovedThing, find_moved, link
+from colmap_lazyloc.changes.moved import Links, MovedThing, find_moved, is_around, link
 from colmap_lazyloc.changes.tracks import Photos, Points, photos_of, read_matches, read_photos, triangulate
 from colmap_lazyloc.control_points import NEW, database_model
 from colmap_lazyloc.database import DatabaseReader
@@ -48,7 +48,7 @@ def find_changes(photos: Photos, old: Points, new: Points, links: Links) -> list
         is_known = np.zeros(len(shown.places), bool)
         is_known[linked[links.is_static]] = True
         for thing in moved:
-            is_known[linked[thing.links]] = True
+            is_known |= is_around(shown.places, shown.places[linked[thing.links]])
         for missing in find_missing(photos, shown, other, kind == "vanished", is_known):
             places = shown.places[missing.points]
             showing = photos_of(photos, shown, missing.points)

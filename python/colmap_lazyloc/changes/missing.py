@@ -16,7 +16,7 @@ NUM_NEAR_PIXELS = 3  # points around a pixel that all have to be farther
 MAX_NEAR_RATIO = 0.02  # of the image's width: how far these may be
 MIN_FARTHER_RATIO, MIN_FARTHER_SIGMA = 0.03, 5.0  # by which they are farther than the point
 MIN_NUM_PHOTOS, MIN_NUM_SHOWN = 2, 3  # that look through a point, and that show it
-MIN_RATIO = 4.0  # of photos that look through a point, to those that show something there or before it
+MIN_RATIO = 4.0  # of photos that look through a point, to those that show something there
 MIN_NUM_POINTS = 8  # of a thing
 NUM_NEIGHBORS = 5  # of a point in its epoch
 MIN_SHARE = 0.5  # of a point's neighbours that photos look through, too
@@ -38,14 +38,14 @@ def find_missing(photos: Photos, shown: Points, other: Points, is_new: bool, is_
     it has a match in the other epoch, or is a part of something that has moved.
     """
     views = _Views(photos, shown)
-    through, blocked = _look_through(photos, shown, other, is_new, views)
-    num_through, num_blocked = through.sum(axis=0), blocked.sum(axis=0)
-    is_missing = (num_through >= MIN_NUM_PHOTOS) & (num_through > MIN_RATIO * num_blocked) & ~is_known
+    through, there = _look_through(photos, shown, other, is_new, views)
+    num_through, num_there = through.sum(axis=0), there.sum(axis=0)
+    is_missing = (num_through >= MIN_NUM_PHOTOS) & (num_through > MIN_RATIO * num_there) & ~is_known
     # Photos of its own epoch must not look through it, as they do through a fence and past wrong points.
-    own_through, own_blocked = (each.sum(axis=0) for each in _look_through(photos, shown, shown, not is_new, views))
-    is_missing &= (views.num_photos >= MIN_NUM_SHOWN) & (own_blocked > own_through)
+    own_through, own_there = (each.sum(axis=0) for each in _look_through(photos, shown, shown, not is_new, views))
+    is_missing &= (views.num_photos >= MIN_NUM_SHOWN) & (own_there > own_through)
     # Points that a photo of the other epoch could show: those that it sees the place of.
-    is_compared = is_known | is_missing | (num_through + num_blocked > 0)
+    is_compared = is_known | is_missing | (num_through + num_there > 0)
     if is_missing.sum() < MIN_NUM_POINTS:
         return []
     compared = np.flatnonzero(is_compared)
@@ -95,10 +95,10 @@ class _Views:
 
 
 def _look_through(photos: Photos, shown: Points, other: Points, is_new: bool, views: _Views) -> tuple[Array, Array]:
-    """Returns by photo and point whether the photo looks through the point, and whether it shows something there or in
-    front of it. is_new: the epoch of these photos, in which `other` was triangulated."""
+    """Returns by photo and point whether the photo looks through the point, and whether it shows something there.
+    What is in front of the point hides it. is_new: the epoch of these photos, in which `other` was triangulated."""
     through = np.zeros((len(photos.names), len(shown.places)), bool)
-    blocked = np.zeros_like(through)
+    there = np.zeros_like(through)
     for i in np.flatnonzero(photos.is_new == is_new):
         camera, axis = photos.cameras[i], photos.rotations[i][2]
         own = np.arange(photos.first[i], photos.first[i + 1])
@@ -121,7 +121,7 @@ def _look_through(photos: Photos, shown: Points, other: Points, is_new: bool, vi
         margin = MIN_FARTHER_SIGMA * np.sqrt(own_variance[near] + variance[:, None])
         margin = np.maximum(margin, MIN_FARTHER_RATIO * depth[seen][:, None])
         is_near = distance < MAX_NEAR_RATIO * camera.width
-        is_farther = own_depth[near] > depth[seen][:, None] + margin
-        through[i, seen] = np.all(is_near & is_farther, axis=1)
-        blocked[i, seen] = np.any(is_near & ~is_farther, axis=1)
-    return through, blocked
+        farther = own_depth[near] - depth[seen][:, None]
+        through[i, seen] = np.all(is_near & (farther > margin), axis=1)
+        there[i, seen] = np.any(is_near & (np.abs(farther) <= margin), axis=1)
+    return through, there

@@ -95,11 +95,21 @@ def find_moved(old: Points, new: Points, links: Links) -> list[MovedThing]:
         inliers = _largest_motion(old, new, links, candidates, random)
         if len(inliers) < MIN_NUM_POINTS:
             break
-        candidates = np.setdiff1d(candidates, inliers)
+        # Its other points are less exact, and no other thing.
+        before = old.places[links.old]
+        candidates = candidates[~is_around(before[candidates], before[inliers])]
         thing = _fit(old, new, links, inliers)
         if thing is not None:
             things.append(thing)
     return things
+
+
+def is_around(places: Floats, thing: Floats) -> Array:
+    """True for places in the box around the points of a thing, or at most half its extent away."""
+    low, high = thing.min(axis=0), thing.max(axis=0)
+    margin = float(np.linalg.norm(high - low)) / 2
+    is_in: Array = np.all((places > low - margin) & (places < high + margin), axis=1)
+    return is_in
 
 
 def _away_from_static(old: Points, new: Points, links: Links, moved: Array) -> Array:
