@@ -109,7 +109,8 @@ def test_camera_of_the_database_comes_before_exif(
         seen = image.point_of_keypoint >= 0
         points_in_cam = image.pose(scene.points[image.point_of_keypoint[seen]])
         image.keypoints[seen] = true_camera.image_from_cam(points_in_cam) + rng.normal(0, 0.5, (np.sum(seen), 2))
-    run = localize(*write_scene_files(tmp_path, scene, geometry=None).arguments)
+    files = write_scene_files(tmp_path, scene, geometry=None)
+    run = localize(*files.arguments, "--ImageReader.single_camera_per_image", 1)
     run.assert_localized(scene, scene.query_names, 0.05, 0.5)
     cameras = read_model(run.output_path / "model").cameras
     for name in scene.query_names:

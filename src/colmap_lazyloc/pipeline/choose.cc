@@ -137,10 +137,11 @@ Choice ContradictGiven(const Choice& given, const IntrinsicsResult& estimate) {
 Choice GivenOrEstimated(const Choice& given, const Choice& refined, const LocalizerOptions& options) {
   const bool has_pose = HasPose(given, options);
   const IntrinsicsOrigin origin = IntrinsicsOf(given).origin;
+  const bool is_unobservable = refined.failure && refined.failure->cause == QueryStatus::UNKNOWN_CAMERA;
+  // A pose with a guess that the images do not judge says nothing, unless a measured position is part of it.
+  const bool says_something = has_pose && given.priors.front().position && !is_unobservable;
+  if (origin == IntrinsicsOrigin::GUESS && !says_something) return refined;
   if (refined.failure) {
-    const bool is_unobservable = refined.failure->cause == QueryStatus::UNKNOWN_CAMERA;
-    // Neither a failure with a guess nor a pose with a guess that the images cannot judge says anything.
-    if (origin == IntrinsicsOrigin::GUESS && (is_unobservable || !has_pose)) return refined;
     // A contradiction that comes from telling focal length and distance apart is none if the images cannot.
     return is_unobservable && AreContradicted(given, options) ? KeepGiven(given, IntrinsicsOf(given), options) : given;
   }

@@ -99,11 +99,13 @@ TEST_F(ChooseTest, PositionByAPriorThatIsNotReconciledLeavesTheFailureOfTheImage
   EXPECT_EQ(Chosen().priors[0].position->verdict, PriorVerdict::NOT_TESTED);
 }
 
-TEST_F(ChooseTest, GuessOfAFocalLengthIsTakenOnlyWithAPose) {
+TEST_F(ChooseTest, GuessOfAFocalLengthIsTakenOnlyWithAPoseByAMeasuredPosition) {
   Solution& estimate = AddEstimate(IntrinsicsOrigin::GUESS, 1);
   estimate.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
   EXPECT_EQ(Index(), 0);
   Solution& guess = AddGiven(IntrinsicsOrigin::GUESS);
+  EXPECT_EQ(Index(), 0) << "any focal length has a pose";
+  guess.priors[0].position = PriorResult{PriorVerdict::USED, PriorRole::DISTANCE, 1, 1};
   EXPECT_EQ(Index(), 1);
   estimate.failure->cause = QueryStatus::UNKNOWN_CAMERA;
   EXPECT_EQ(Index(), 0) << "the images cannot judge the guess";
