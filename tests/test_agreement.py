@@ -300,6 +300,17 @@ def test_images_without_pairs_are_named_as_not_compared(scene):
     assert line.endswith("; not compared: image_038.jpg, alone_0.jpg, alone_1.jpg and 3 more")
 
 
+def test_pairs_that_no_image_explains_are_named(scene):
+    """The pose of an image is off so that few of its pairs show it, or the matches of a pair are wrong."""
+    images = [PosedImage(n, CAMERA, Pose.from_centre(*pose)) for n, *pose in zip(
+        scene.names, scene.poses.rotations, scene.poses.centres)]  # fmt: skip
+    pair = scene.pairs[0]
+    found = judge([pair.with_focal_factor(3.0), *scene.pairs[1:]], images, COLMAP, is_metric=True)
+    assert not found.is_wrong and not found.contradicted
+    assert f"; these do not fit: {images[pair.first].name} with {images[pair.second].name}" in found.line
+    assert "do not fit" not in judge(scene.pairs, images, COLMAP, is_metric=True).line
+
+
 @pytest.mark.parametrize(("px", "verdict"), [(1.5, "photos: "), (3.0, "photos within their errors: ")])
 def test_poses_with_errors_of_pixels_do_not_simply_agree(scene, px, verdict):
     explanation = explain_scene(disturb(scene, 0.1, 0.001))

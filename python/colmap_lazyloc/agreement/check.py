@@ -13,6 +13,7 @@ from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.explain import AGREEING_PX, MAX_ROTATION_DEG, MOVED_PX, Explanation, explain
 from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, MatchedPair, pairs_of_database
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
+from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.extras import install_command, is_installed
@@ -20,7 +21,7 @@ from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
 
 MAX_NUM_NAMED = 10  # images that contradict the others
-MAX_NUM_TURNED = 3  # images that are named as turned, or as not compared
+MAX_NUM_TURNED = 3  # images that are named as turned, or as not compared, and pairs that do not agree
 PAIRS_OF_AN_IMAGE = 3  # that are looked at, to name images whose poses are wrong
 MAX_NUM_IMAGE_PAIRS = 3000
 NEEDED = ("cv2", "scipy")
@@ -92,7 +93,8 @@ def judge(
     if explanation is None:
         return None
     is_wrong = explanation.reading is not None or explanation.is_hopeless
-    contradicted, turned = [], ""
+    contradicted: list[int] = []
+    px, turned = np.zeros(0), ""
     matches = Matches.of(pairs)
     if explanation.reading is not None and explanation.reading.is_of_some:
         every = np.arange(len(images))
@@ -104,6 +106,8 @@ def judge(
         px = medians_by_pair(matches, errors_px(matches, poses, poses))
         contradicted = contradicted_images([(pair.first, pair.second) for pair in pairs], px)
     line = describe(explanation, "m" if is_metric else "units", turned)
+    if explanation.given.agrees and not is_wrong:
+        line += _unexplained(pairs, images, px, contradicted)
     unmatched = sorted(set(range(len(images))).difference(matches.first.tolist(), matches.second.tolist()))
     if unmatched and not is_wrong:
         line += f"; not compared: {first_names([images[index].name for index in unmatched], MAX_NUM_TURNED)}"
@@ -111,6 +115,16 @@ def judge(
     options = remedy.removeprefix("give ")
     options = options if re.fullmatch(r"(--\w+ \w+ ?)+", options) else ""
     return Judgement(line, is_wrong, options, [images[index].name for index in contradicted])
+
+
+def _unexplained(
+    pairs: Sequence[MatchedPair], images: Sequence[PosedImage], px: Floats, contradicted: Sequence[int]
+) -> str:
+    """Returns what the line says of pairs that do not agree although neither of their images contradicts the others."""
+    others = [pair for pair, error in zip(pairs, px) if error > AGREEING_PX]
+    others = [pair for pair in others if {pair.first, pair.second}.isdisjoint(contradicted)]
+    names = [f"{images[pair.first].name} with {images[pair.second].name}" for pair in others]
+    return f"; these do not fit: {first_names(names, MAX_NUM_TURNED)}" if names else ""
 
 
 def describe(explanation: Explanation, unit: str, turned: str = "") -> str:
