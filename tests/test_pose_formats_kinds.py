@@ -1061,3 +1061,21 @@ def test_colour_cameras_beside_the_poses_are_refused(kind, shift, tmp_path):
             read(path, photos)
     else:
         assert_poses(read(path, photos), truth)
+
+
+@pytest.mark.parametrize(("folder", "focal"), [("cam0/data", 500), ("cam1/data", 700), ("photos", 500)])
+def test_camera_of_kalibr_is_that_of_the_folder(folder, focal, tmp_path, caplog):
+    truth = make_poses([f"{index:06}.png" for index in range(2)])
+    camera = "  camera_model: pinhole\n  resolution: [640, 480]\n  intrinsics: [F, F, 320, 240]\n"
+    camera += "  T_cam_imu: [[1, 0, 0, X], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
+    cameras = [camera.replace("F", number).replace("X", shift) for number, shift in (("500", "0"), ("700", "-0.1"))]
+    calibration = save(tmp_path, "camchain.yaml", f"cam0:\n{cameras[0]}cam1:\n{cameras[1]}")
+    path = pose_writers.tum(tmp_path, truth)
+    posed = read(path, write_named(tmp_path / folder, truth), camera=None, calibration_path=calibration)
+    assert posed.images[0].camera.params[0] == focal
+    shift = 0.1 if focal == 700 else 0.0
+    for image in posed.images:
+        r, c = truth[image.name]
+        assert np.allclose(image.cam_from_world.cam_in_world, c + r @ [shift, 0, 0])
+    other = "cam0" if focal == 700 else "cam1"
+    assert f"keys that are not used: {other}" in caplog.text

@@ -23,7 +23,7 @@ from colmap_lazyloc.text_files import read_entries
 
 # What is read of EuRoC and of Kalibr, and what has nothing to do with the camera's pose on the body.
 KNOWN = words_of(
-    "tbs cam0 tcamimu cameramodel intrinsics resolution distortionmodel distortioncoefficients distortioncoeffs "
+    "tbs tcamimu tcncnm1 cameramodel intrinsics resolution distortionmodel distortioncoefficients distortioncoeffs "
     "sensortype comment ratehz rostopic camoverlaps"
 )
 COLMAP_FROM_CENTRES = 0.5  # pixels
@@ -39,9 +39,9 @@ def read_calibration(source: Source) -> tuple[Camera | None, Pose | None]:
     camera: Camera | None
     try:
         if path.suffix.lower() in (".yaml", ".yml"):
-            camera, cam_from_body = _read_yaml(path)
+            camera, cam_from_body = _read_yaml(path, _number_of_folder("cam", source))
         else:
-            camera, cam_from_body = _read_kitti(path, source, source.photos.names[0])
+            camera, cam_from_body = _read_kitti(path, source, _number_of_folder("image", source))
     except DAMAGE as error:
         if isinstance(error, InputError):
             raise
@@ -49,7 +49,13 @@ def read_calibration(source: Source) -> tuple[Camera | None, Pose | None]:
     return source.camera or camera, cam_from_body
 
 
-def _read_yaml(path: pathlib.Path) -> tuple[Camera, Pose]:
+def _number_of_folder(word: str, source: Source) -> int:
+    """Returns the number at the end of the folder of photos, such as image_02 or cam1; 0 if it has none."""
+    folder = re.search(rf".*\b{word}_?0?(\d)/", f"{source.photos.folder}/{source.photos.names[0]}")
+    return int(folder.group(1)) if folder else 0
+
+
+def _read_yaml(path: pathlib.Path, number: int) -> tuple[Camera, Pose]:
     import yaml
 
     try:
@@ -57,11 +63,14 @@ def _read_yaml(path: pathlib.Path) -> tuple[Camera, Pose]:
         data = yaml.safe_load(re.sub(r"\A%YAML:.*", "", path.read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError, yaml.YAMLError):
         raise InputError(f"--calibration {path}: is not a YAML file that can be read") from None
-    report_unused(path, [data, data.get("cam0")], KNOWN)
+    name = f"cam{number}"
+    report_unused(path, [data, data.get(name)], KNOWN | {name})
     if "T_BS" in data:  # EuRoC: the body from the sensor
         matrix = np.linalg.inv(np.reshape(numbers(data["T_BS"]["data"], 16), (4, 4)))
         return _camera(data, "distortion_coefficients"), _pose(matrix)
-    data = data["cam0"]  # Kalibr
+    data = data[name]  # Kalibr
+    if number and "T_cam_imu" not in data:
+        raise ValueError(f"{name} has no T_cam_imu")
     matrix = np.array(data.get("T_cam_imu", np.eye(4)), float)
     return _camera(data, "distortion_coeffs"), _pose(matrix)
 
@@ -87,18 +96,16 @@ def _pose(matrix: NDArray[np.float64]) -> Pose:
     return Pose.from_matrix(nearest_rotation(matrix[:3, :3])[0], matrix[:3, 3])
 
 
-def _read_kitti(path: pathlib.Path, source: Source, first_image: str) -> tuple[Camera | None, Pose]:
-    """Reads the projection of the camera whose number ends the photos' folder (image_2), else of camera 0."""
+def _read_kitti(path: pathlib.Path, source: Source, number: int) -> tuple[Camera | None, Pose]:
+    """Reads the projection of a camera."""
     rows = {key.strip(): text for key, _, text in (line.partition(":") for _, line in read_entries(path))}
-    folder = re.search(r".*image_0?(\d)/", f"{source.photos.folder}/{first_image}")
-    number = folder.group(1) if folder else 0
     if f"image_0{number}" in rows:  # calib_cam_to_pose.txt of KITTI-360
         rotation, centre = matrix_parts(numbers(rows[f"image_0{number}"], 12))
         return source.camera, Pose.from_centre(nearest_rotation(rotation)[0].T, centre)
     key = f"P{number}"
     projection = np.reshape(numbers(rows[key if key in rows else "P_rect_0" + key[1:]], 12), (3, 4))
     matrix = projection[:, :3]
-    size = source.photos.size(first_image)
+    size = source.photos.size(source.photos.names[0])
     centre = matrix[0, 2] + COLMAP_FROM_CENTRES, matrix[1, 2] + COLMAP_FROM_CENTRES
     camera = brown_camera(size, (matrix[0, 0], matrix[1, 1]), centre)
     return camera, Pose(np.array([1.0, 0, 0, 0]), np.linalg.solve(matrix, projection[:, 3]))
