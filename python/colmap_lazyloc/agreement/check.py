@@ -94,7 +94,8 @@ def judge(
         return None
     is_wrong = explanation.reading is not None or explanation.is_hopeless
     contradicted: list[int] = []
-    px, turned = np.zeros(0), ""
+    px: Floats = np.zeros(0)
+    turned = ""
     matches = Matches.of(pairs)
     if explanation.reading is not None and explanation.reading.is_of_some:
         every = np.arange(len(images))
