@@ -68,12 +68,10 @@ export const EXPLANATIONS = {
   images: "Database images whose relative pose to the query was used.",
 };
 
-const REM_PER_CHARACTER = 0.5; // of names in capital letters and of digits
-
 // Returns a width for texts of these lengths, beside something that is `extra` rem wide.
 function textWidth(texts: string[], extra: number): number {
   const longest = texts.reduce((max, { length }) => Math.max(max, length), 6);
-  return Math.min(13, Math.max(7, 1 + extra + REM_PER_CHARACTER * longest));
+  return Math.min(13, Math.max(7, 1 + extra + 0.46 * longest));
 }
 
 function textColumns(queries: Queries, summary: Summary): Column[] {
@@ -116,15 +114,11 @@ function textColumns(queries: Queries, summary: Summary): Column[] {
 // Returns the column that says where each query is, or why that is not known.
 function answerColumn(queries: Queries): Column {
   const system = mainSystem(queries);
-  const longest = queries.names.reduce(
-    (max, _, query) => Math.max(max, positionTexts(queries, query, system)?.join(", ").length ?? 0),
-    0,
-  );
   return {
     id: "position",
     label: axesText(queries.systems[system]),
     explanation: "Where the photo was taken; or why the query has no position, or none to rely on.",
-    width: Math.max(16.2, 1 + REM_PER_CHARACTER * longest),
+    width: 16.2,
     growth: 8,
     kind: "text",
     isWorstLow: true,
@@ -133,7 +127,9 @@ function answerColumn(queries: Queries): Column {
   };
 }
 
-// Returns the columns that have a value in this run.
+const TABLE_WIDTH = 88; // rem, in a window of 1280 pixels
+
+// Returns the columns that have a value in this run. Where there is room, the whole position can be read on a phone, too.
 export function tableColumns(queries: Queries, summary: Summary): Column[] {
   const length = (value: number) => format.formatLength(value, summary);
   const degrees = (value: number) => format.formatDegrees(value);
@@ -156,5 +152,13 @@ export function tableColumns(queries: Queries, summary: Summary): Column[] {
   ];
   const hasValue = (column: Column) => queries.names.some((_, query) => !Number.isNaN(column.key(query)));
   const [name, ...others] = textColumns(queries, summary);
-  return [name, answerColumn(queries), ...others, ...numbers.filter(hasValue)];
+  const answer = answerColumn(queries);
+  const columns = [name, answer, ...others, ...numbers.filter(hasValue)];
+  const spare = TABLE_WIDTH - columns.reduce((sum, { width }) => sum + width, 0);
+  const longest = queries.names.reduce((max, _, query) => {
+    const position = positionTexts(queries, query, mainSystem(queries));
+    return Math.max(max, position === null ? 0 : position.join(", ").length);
+  }, 0);
+  answer.width += Math.max(0, Math.min(spare, 1 + 0.53 * longest - answer.width));
+  return columns;
 }
