@@ -31,6 +31,10 @@ class FeatureMethod {
   // Returns the features, with keypoints in pixels of the file as stored. focal_length_px: of the photo. Uses idle
   // threads, too.
   virtual Features Extract(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const = 0;
+  // Returns the features that a query is localized with first: these, or those of the largest scales if they are many.
+  virtual Features ExtractFirst(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const {
+    return Extract(photo, focal_length_px, idle_threads);
+  }
   // Returns the sorted matches. Uses the calling thread alone.
   virtual Matches Match(const Features& query, const Camera& query_camera, const Features& database,
                         const Camera& database_camera) const = 0;

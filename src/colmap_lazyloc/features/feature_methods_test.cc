@@ -1,10 +1,12 @@
 #include "colmap_lazyloc/features/feature_methods.h"
 
 #include <algorithm>
+#include <limits>
 #include <vector>
 
 #include <gmock/gmock.h>
 
+#include "colmap_lazyloc/features/feature_statistics.h"
 #include "colmap_lazyloc/testing/io_test.h"
 
 namespace lazyloc {
@@ -48,16 +50,35 @@ TEST_F(FeatureMethodsTest, ErrorsNameWhatIsMissing) {
 }
 
 // Returns a picture of random squares.
-PhotoFile MakePhoto(uint32_t seed) {
-  constexpr int kSize = 256, kSquare = 16;
-  std::vector<uint8_t> values(kSize * kSize);
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
-      const auto square = static_cast<uint32_t>(y / kSquare * kSize + x / kSquare);
-      values[static_cast<size_t>(y * kSize + x)] = static_cast<uint8_t>((square * 2654435761u + seed) >> 20);
+PhotoFile MakePhoto(uint32_t seed, int size = 256, int square_size = 16) {
+  std::vector<uint8_t> values(static_cast<size_t>(size) * size);
+  for (int y = 0; y < size; ++y) {
+    for (int x = 0; x < size; ++x) {
+      const auto square = static_cast<uint32_t>(y / square_size * size + x / square_size);
+      values[static_cast<size_t>(y) * size + x] = static_cast<uint8_t>((square * 2654435761u + seed) >> 20);
     }
   }
-  return PhotoFile::FromPixels(values.data(), kSize, kSize, 1);
+  return PhotoFile::FromPixels(values.data(), size, size, 1);
+}
+
+TEST_F(FeatureMethodsTest, QueriesAreLocalizedWithTheLargestOfManyFeaturesFirst) {
+  const auto smallest = [](const Features& features) {
+    float scale = std::numeric_limits<float>::max();
+    for (const Keypoint& keypoint : features.keypoints) scale = std::min(scale, KeypointScale(keypoint));
+    return scale;
+  };
+  const PhotoFile photo = MakePhoto(1, 768, 7);
+  IdleThreads none(0);
+  const FeatureMethods methods = Make(FeatureType::SIFT);
+  const Features all = methods.database->Extract(photo, 500, &none);
+  const Features first = methods.database->ExtractFirst(photo, 500, &none);
+  EXPECT_GT(first.keypoints.size(), 4000u);
+  EXPECT_GT(all.keypoints.size(), first.keypoints.size());
+  EXPECT_GT(smallest(first), smallest(all));
+  options_.sift.max_num_features = 8000;  // another number than the default
+  const FeatureMethods chosen = Make(FeatureType::SIFT);
+  EXPECT_EQ(chosen.database->ExtractFirst(photo, 500, &none).descriptors,
+            chosen.database->Extract(photo, 500, &none).descriptors);
 }
 
 // What every method must fulfil; the tests of the program run it for those with models.

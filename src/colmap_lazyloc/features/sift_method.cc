@@ -5,6 +5,13 @@
 #include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
+namespace {
+
+// Number of features that a query is localized with first, instead of COLMAP's default. With more, it takes longer, but
+// poses are not more accurate.
+constexpr int kNumFirst = 4000;
+
+}  // namespace
 
 std::string Sift::Describe() const {
   const SiftExtractionOptions chosen = ChooseExtraction(options_, database_, database_scale_);
@@ -14,6 +21,13 @@ std::string Sift::Describe() const {
 
 Features Sift::Extract(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const {
   return ExtractLikeDatabase(photo, focal_length_px, options_, database_, idle_threads);
+}
+
+Features Sift::ExtractFirst(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const {
+  SiftExtractionOptions options = options_;
+  // A number that the user has chosen is taken as it is.
+  if (options.max_num_features == kDefaultMaxNumFeatures) options.max_num_features = kNumFirst;
+  return ExtractLikeDatabase(photo, focal_length_px, options, database_, idle_threads);
 }
 
 Matches Sift::Match(const Features& query, const Camera&, const Features& database, const Camera&) const {

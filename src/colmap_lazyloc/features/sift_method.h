@@ -18,6 +18,7 @@ class Sift : public FeatureMethod {
   std::string Key() const override { return Describe() + (options_.turns_photos ? " upright" : ""); }
   bool NeedsColours() const override { return false; }
   Features Extract(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const override;
+  Features ExtractFirst(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const override;
   Matches Match(const Features& query, const Camera& query_camera, const Features& database,
                 const Camera& database_camera) const override;
   bool HasGuidedMatching() const override { return true; }

@@ -363,7 +363,11 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& at
                       " pixels, but the photo has " + SizeText(properties.width, properties.height)};
   }
   const Features query_features = Timed("extraction", &record->seconds, [&] {
-    return method.Extract(file, MeanFocalLength(chosen.camera), idle_threads);
+    const double focal_length_px = MeanFocalLength(chosen.camera);
+    // The file of matches holds all features.
+    const bool needs_all = attempt.compares_all_features || matches_output_;
+    return needs_all ? method.Extract(file, focal_length_px, idle_threads)
+                     : method.ExtractFirst(file, focal_length_px, idle_threads);
   });
   record->matcher = method.Matcher();
   LocalizationProblem problem;

@@ -147,8 +147,8 @@ void ForEachFeatureOption(Options& o, const Add& add) {
   add("SiftExtraction.max_image_size", &extraction.max_image_size,
       "Maximum width and height of a photo in pixels; a larger photo is scaled down for extraction");
   add("SiftExtraction.max_num_features", &extraction.max_num_features,
-      "Maximum number of features per photo; features of the largest scales are kept; -1: the number that 95 % of "
-      "the database images do not exceed");
+      "Maximum number of features per photo; features of the largest scales are kept; with the default, a photo is first "
+      "localized with 4000; -1: the number that 95 % of the database images do not exceed");
   add("SiftExtraction.first_octave", &extraction.first_octave,
       "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not; -2: the first octave that the "
       "keypoints of the database images need");
