@@ -147,7 +147,7 @@ def test_doctor_says_what_is_missing(capsys, monkeypatch, colmap):
     assert doctor.main([]) == 0
     missing = [line for line in capsys.readouterr().out.splitlines() if "missing" in line]
     assert missing == [
-        "  plots      missing: matplotlib; pip install 'colmap-lazyloc[plots]' brings lazyloc report --plots"
+        "  plots          missing: matplotlib; pip install 'colmap-lazyloc[plots]' brings lazyloc report --plots"
     ]
 
 

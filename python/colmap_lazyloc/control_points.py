@@ -102,7 +102,8 @@ def read_photos(folder: pathlib.Path) -> tuple[dict[str, Photo], GeoOrigin | Non
 def database_model(run: FoundRun) -> pathlib.Path | None:
     """Returns the model that the queries of a run were localized in; None if it is not there any more."""
     if run.project is not None:
-        return run.project.model
+        model: pathlib.Path = run.project.model
+        return model
     options = None if run.results is None else run.results / "options.ini"
     path = "" if options is None or not options.exists() else read_options(options).values.get("input_path", "")
     return pathlib.Path(path) if path and is_model(path) else None

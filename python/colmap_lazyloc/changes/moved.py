@@ -125,7 +125,8 @@ def _away_from_static(old: Points, new: Points, links: Links, moved: Array) -> A
         count = min(NUM_NEIGHBORS + 1, len(known))
         near = np.atleast_2d(cKDTree(places[known]).query(places[moved], count)[1])[:, 1:]
         is_away &= links.is_static[known][near].mean(axis=1) <= MAX_STATIC_SHARE
-    return moved[is_away]
+    away: Array = moved[is_away]
+    return away
 
 
 def _largest_motion(old: Points, new: Points, links: Links, among: Array, random: np.random.Generator) -> Array:
@@ -172,7 +173,8 @@ def _fit(old: Points, new: Points, links: Links, chosen: Array) -> MovedThing | 
 
     def misfits(motion: Floats) -> Floats:
         moved = Rotation.from_rotvec(motion[:3]).apply(before - centre) + motion[3:]
-        return np.einsum("nij,nj->ni", whiten, now - moved).ravel()
+        whitened: Floats = np.einsum("nij,nj->ni", whiten, now - moved)
+        return whitened.ravel()
 
     fit = least_squares(misfits, np.concatenate([vector, translation]), loss="soft_l1")
     factor = max(1.0, 2 * fit.cost / max(3 * len(chosen) - 6, 1))

@@ -107,7 +107,8 @@ def read_matches(database: DatabaseReader, photos: Photos) -> tuple[Array, Array
 def directions(photos: Photos, keypoints: Array) -> Floats:
     """Returns the viewing rays of keypoints in the world, n x 3, with a depth of 1."""
     rays = np.column_stack([photos.rays[keypoints], np.ones(len(keypoints))])
-    return np.einsum("nji,nj->ni", photos.rotations[photos.photo[keypoints]], rays)
+    in_world: Floats = np.einsum("nji,nj->ni", photos.rotations[photos.photo[keypoints]], rays)
+    return in_world
 
 
 def epipolar_errors_px(photos: Photos, matches: Array) -> Floats:
