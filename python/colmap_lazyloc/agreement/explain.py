@@ -162,7 +162,9 @@ def explain(
     if given.needs_explanation or not given.agrees:
         evidence = dataclasses.replace(evidence, relative=RelativePoses.of(local))
         given = evidence.fit([own])
-    reading, mended = _find_reading(evidence, given, all_readings(names, convention))
+    reading, mended = None, None
+    if given.needs_explanation:
+        reading, mended = _find_reading(evidence, given, all_readings(names, convention))
     if reading is None and not given.agrees:
         reading, mended = _find_focal_length(evidence, own, given)
     is_hopeless = reading is None and _is_hopeless(evidence, [own], given)
@@ -171,8 +173,6 @@ def explain(
 
 def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) -> tuple[Reading | None, Fit | None]:
     """Returns the reading that explains the pairs and how it fits them, if there is one."""
-    if not given.needs_explanation:
-        return None, None
     turned = np.array([np.nanmedian(evidence.rotation_errors_deg(evidence.read(reading))) for reading in readings])
     likely = [readings[index] for index in np.flatnonzero(turned <= CLEARLY * turned.min() + MAX_TURN_DEG)]
     quick = evidence.quick()
