@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from colmap_lazyloc.array_types import Array, Floats
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.changes.tracks import Photos, Points
 
 MAX_VIEW_ANGLE_DEG = 40.0  # from the nearest photo that shows the point; SIFT matches surfaces up to about as much
@@ -27,7 +27,6 @@ class MissingThing:
     """A thing that photos of one epoch show, and that is not there in the other epoch."""
 
     points: Array  # indices
-    centre: Floats
     photos: list[int]  # of the other epoch, that look through its place
 
 
@@ -64,7 +63,7 @@ def find_missing(photos: Photos, shown: Points, other: Points, is_new: bool, is_
         if len(members) >= MIN_NUM_POINTS:
             points = compared[chosen[members]]
             seen = np.flatnonzero(through[:, points].sum(axis=1))
-            things.append(MissingThing(points, shown.places[points].mean(axis=0), seen.tolist()))
+            things.append(MissingThing(points, seen.tolist()))
     return sorted(things, key=lambda thing: -len(thing.points))
 
 

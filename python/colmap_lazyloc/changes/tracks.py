@@ -7,13 +7,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from colmap_lazyloc.array_types import Array, Floats
+from colmap_lazyloc.control_points import MIN_ANGLE_DEG
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 from colmap_lazyloc.pycolmap_types import to_pycolmap_camera
 
 MAX_ERROR_PX = 4.0  # of a match and of an observation, as in COLMAP's mapper
-MIN_ANGLE_DEG = 1.5  # between the rays of a point, as in COLMAP's mapper
 NUM_ROUNDS = 3  # of triangulation; each leaves out observations with large errors
 NUM_STEPS = 5  # of Gauss and Newton in each
 
@@ -50,13 +50,12 @@ class Points:
     places: Floats  # n x 3
     covariances: Floats  # n x 3 x 3, of keypoints with a standard deviation of 1 pixel
     of_keypoint: Array  # index of the point by keypoint; -1: none
-    errors_px: Floats  # by keypoint; NaN if it has no point
 
     def take(self, places: Array) -> "Points":
         """Returns some of the points."""
         new_index = np.full(len(self.places) + 1, -1)
         new_index[places] = np.arange(len(places))
-        return Points(self.places[places], self.covariances[places], new_index[self.of_keypoint], self.errors_px)
+        return Points(self.places[places], self.covariances[places], new_index[self.of_keypoint])
 
 
 def read_photos(database: DatabaseReader, posed: dict[str, PosedImage], new_names: set[str]) -> Photos:
@@ -133,19 +132,19 @@ def triangulate(photos: Photos, matches: Array) -> Points:
     track = connected_components(graph, directed=False)[1]
     used = np.unique(matches)
     used = used[np.isfinite(photos.rays[used]).all(axis=1)]
-    of_keypoint, all_errors = np.full(num, -1), np.full(num, np.nan)
+    of_keypoint = np.full(num, -1)
     for round_index in range(NUM_ROUNDS):
         used, point = _seen_twice(photos, used, track[used])
         if len(used) == 0:
-            return Points(np.empty((0, 3)), np.empty((0, 3, 3)), of_keypoint, all_errors)
+            return Points(np.empty((0, 3)), np.empty((0, 3, 3)), of_keypoint)
         places, errors_px, covariances = _intersect(photos, used, point)
         if round_index < NUM_ROUNDS - 1:
             used = used[errors_px < MAX_ERROR_PX]
     is_good = _largest_angles_deg(photos, used, point, places) >= MIN_ANGLE_DEG
     is_good &= np.isfinite(places).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
     np.logical_and.at(is_good, point, errors_px < MAX_ERROR_PX)
-    of_keypoint[used], all_errors[used] = point, errors_px
-    return Points(places, covariances, of_keypoint, all_errors).take(np.flatnonzero(is_good))
+    of_keypoint[used] = point
+    return Points(places, covariances, of_keypoint).take(np.flatnonzero(is_good))
 
 
 def _seen_twice(photos: Photos, keypoints: Array, track: Array) -> tuple[Array, Array]:
