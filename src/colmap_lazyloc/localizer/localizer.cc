@@ -143,7 +143,7 @@ std::optional<CalibrationQuery> Localizer::EstimateCamera(const GroupInput& inpu
   return std::nullopt;
 }
 
-const SharedCameras& Localizer::EstimateCamera(uint32_t key, QueryCamera* camera) const {
+const SharedCameras& Localizer::EstimateCamera(uint32_t key, CameraOfQueries* camera) const {
   std::call_once(camera->is_estimated, [&] {
     std::vector<std::optional<CalibrationQuery>> estimates(camera->groups.size());
     ParallelFor(

@@ -42,7 +42,7 @@ class Localizer {
  private:
   class BorrowedSession;
   // A camera that queries share, and the groups that it is estimated from.
-  struct QueryCamera {
+  struct CameraOfQueries {
     std::vector<size_t> groups;
     std::once_flag is_estimated;
     SharedCameras estimates;  // by given camera
@@ -56,16 +56,16 @@ class Localizer {
   // Returns nullopt if the query is not localized with estimated intrinsics.
   std::optional<CalibrationQuery> EstimateCamera(const GroupInput& input) const;
   // Estimates a camera unless that is done. key: as in calibration_groups.h.
-  const SharedCameras& EstimateCamera(uint32_t key, QueryCamera* camera) const;
+  const SharedCameras& EstimateCamera(uint32_t key, CameraOfQueries* camera) const;
   // Returns the estimates for a single query; null if it shares no camera.
   const SharedCameras* CamerasOf(const GroupInput& input) const;
 
   const LocalizerOptions options_;
   IdleThreads* const idle_threads_;
   const CameraSharing sharing_;
-  mutable std::map<uint32_t, QueryCamera> query_cameras_;  // by key
-  Model model_;                                            // empty if there is a database
-  std::unique_ptr<QuerySource> source_;                    // null without a database
+  mutable std::map<uint32_t, CameraOfQueries> query_cameras_;  // by key
+  Model model_;                                                // empty if there is a database
+  std::unique_ptr<QuerySource> source_;                        // null without a database
   mutable std::mutex sessions_mutex_;
   mutable std::vector<std::unique_ptr<QuerySource::Session>> sessions_;  // that no call uses
   mutable pid_t process_;                                                // that has made the sessions
