@@ -311,11 +311,17 @@ def kill(slow_colmap):
         command = [sys.executable, "-m", "colmap_lazyloc", *work.words(output, words)]
         environment = {**os.environ, "COLMAP": str(slow_colmap), "PYTHONPATH": os.pathsep.join(sys.path)}
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
-        process = subprocess.Popen(command, env=environment, **pipes)
         end = time.monotonic() + MAX_SECONDS
+        process = subprocess.Popen(command, env=environment, **pipes)
         while not is_reached(output):
-            assert process.poll() is None and time.monotonic() < end, "it was not reached"
-            time.sleep(POLLING_SECONDS)
+            assert time.monotonic() < end, "it was not reached"
+            if process.poll() is None or is_reached(output):
+                time.sleep(POLLING_SECONDS)
+                continue
+            # Localization may begin and end between two looks. Then it is done again.
+            assert process.returncode == 0, process.stderr.read()
+            shutil.rmtree(output / "localized")
+            process = subprocess.Popen(command, env=environment, **pipes)
         process.send_signal(how)
         return process.communicate()[1].splitlines(), process.returncode
 
