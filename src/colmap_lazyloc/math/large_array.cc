@@ -1,5 +1,8 @@
 #include "colmap_lazyloc/math/large_array.h"
 
+#include <cstdlib>
+#include <deque>
+#include <mutex>
 #include <new>
 
 #if defined(__linux__)
@@ -7,18 +10,79 @@
 #endif
 
 namespace lazyloc {
+namespace {
+
+constexpr size_t kPage = 2 << 20;
+// Of two photos with 2 megapixels that are localized at a time. More would stay in use by programs that only wait.
+constexpr size_t kMaxNumKeptPages = 192;
+
+// Keeps released memory for the next array of about the same size.
+class KeptMemory {
+ public:
+  // Returns null if nothing fits.
+  void* Take(size_t* num_pages) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (auto block = blocks_.begin(); block != blocks_.end(); ++block) {
+      if (block->num_pages < *num_pages || block->num_pages > *num_pages + *num_pages / 4) continue;
+      void* memory = block->memory;
+      *num_pages = block->num_pages;
+      num_pages_ -= block->num_pages;
+      blocks_.erase(block);
+      return memory;
+    }
+    return nullptr;
+  }
+
+  void Keep(void* memory, size_t num_pages) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    blocks_.push_back({memory, num_pages});
+    num_pages_ += num_pages;
+    for (; num_pages_ > kMaxNumKeptPages; blocks_.pop_front()) {
+      num_pages_ -= blocks_.front().num_pages;
+      std::free(blocks_.front().memory);
+    }
+  }
+
+ private:
+  struct Block {
+    void* memory;
+    size_t num_pages;
+  };
+
+  std::mutex mutex_;
+  std::deque<Block> blocks_;  // the oldest first
+  size_t num_pages_ = 0;      // of all blocks
+};
+
+KeptMemory& Kept() {
+  static auto* const kept = new KeptMemory;  // never destroyed, since other threads may outlive it
+  return *kept;
+}
+
+}  // namespace
+
+void ReleaseMemory::operator()(void* memory) const {
+  if (num_pages == 0) {
+    std::free(memory);
+  } else {
+    Kept().Keep(memory, num_pages);
+  }
+}
 
 LargeArray AllocateLargeArray(size_t size) {
-  constexpr size_t kPage = 2 << 20;
-  const size_t num_pages = (size * sizeof(float) + kPage - 1) / kPage;
+  size_t num_pages = (size * sizeof(float) + kPage - 1) / kPage;
   // Less than half of a large page would waste more than it uses.
-  const bool is_large = size * sizeof(float) >= kPage / 2;
-  void* memory = is_large ? std::aligned_alloc(kPage, num_pages * kPage) : std::malloc(size * sizeof(float) + 1);
-  if (memory == nullptr) throw std::bad_alloc();
+  if (size * sizeof(float) < kPage / 2) num_pages = 0;
+  void* memory = num_pages == 0 ? std::malloc(size * sizeof(float) + 1) : Kept().Take(&num_pages);
+  if (memory == nullptr && num_pages > 0) {
+    memory = std::aligned_alloc(kPage, num_pages * kPage);
 #if defined(__linux__)
-  if (is_large) madvise(memory, num_pages * kPage, MADV_HUGEPAGE);  // a request; the array is right without, too
+    // A request; the array is right without, too.
+    if (memory != nullptr) madvise(memory, num_pages * kPage, MADV_HUGEPAGE);
 #endif
-  return LargeArray(static_cast<float*>(memory));
+  }
+  if (memory == nullptr) throw std::bad_alloc();
+  return LargeArray(static_cast<float*>(memory), ReleaseMemory{num_pages});
 }
 
 }  // namespace lazyloc

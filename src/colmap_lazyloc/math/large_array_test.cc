@@ -17,5 +17,16 @@ TEST(AllocateLargeArray, HasAllValues) {
   }
 }
 
+TEST(AllocateLargeArray, UsesReleasedMemoryAgain) {
+  LargeArray values = AllocateLargeArray(3000000);
+  const float* const memory = values.get();
+  values.reset();
+  EXPECT_NE(AllocateLargeArray(2000000).get(), memory) << "too large";
+  EXPECT_NE(AllocateLargeArray(4000000).get(), memory) << "too small";
+  values = AllocateLargeArray(2900000);
+  EXPECT_EQ(values.get(), memory);
+  EXPECT_NE(AllocateLargeArray(2900000).get(), memory) << "still in use";
+}
+
 }  // namespace
 }  // namespace lazyloc
