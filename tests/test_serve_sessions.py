@@ -11,7 +11,7 @@ import photo_scene
 from colmap_lazyloc.demo import scene as demo
 from colmap_lazyloc.demo.renderer import RayGrid
 from colmap_lazyloc.serve import sessions
-from colmap_lazyloc.serve.app import _Query
+from colmap_lazyloc.serve.query import Query
 from colmap_lazyloc.serve.sessions import Sessions
 from test_serve import SIFT, assert_one_line, serving
 
@@ -95,7 +95,7 @@ def test_jump_is_answered_as_without_a_session(two_walls, jpeg):
     with ll.Localizer(scene.database_path, scene.model_path, options=SIFT) as localizer:
         for image in (jpeg, photo):
             plain, jumped = (
-                _Query(image, {"camera": scene.camera_words}, localizer, prior).localize().as_dict()
+                Query(image, {"camera": scene.camera_words}, localizer, prior).localize().as_dict()
                 for prior in (None, (np.array([60.0, 40.0, 1.6]), np.eye(3)))
             )
             assert plain.pop("seconds") and jumped.pop("seconds") and plain == jumped
@@ -142,7 +142,7 @@ def test_place_from_a_session_is_not_the_next_ones(two_walls, localized):
     with ll.Localizer(scene.database_path, scene.model_path, options=SIFT) as localizer:
         store = Sessions()
         store.add("a", 100.0, localized)
-        query = _Query(photo, {"camera": scene.camera_words}, localizer, store.prior("a", 101.0))
+        query = Query(photo, {"camera": scene.camera_words}, localizer, store.prior("a", 101.0))
         result = query.localize()
     assert result.is_localized and result.as_dict()["priors"]["position"]["fixes"] == "distance"
     store.add("a", 101.0, result)

@@ -101,9 +101,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options, settings = parse_arguments(arguments)
     import PIL.Image
 
-    from colmap_lazyloc.serve.app import Limits, Service, Tokens, make_app
-    from colmap_lazyloc.serve.map import Source
+    from colmap_lazyloc.serve.app import make_app
+    from colmap_lazyloc.serve.limits import Limits
+    from colmap_lazyloc.serve.map import CurrentMap, Source
     from colmap_lazyloc.serve.server import make_server
+    from colmap_lazyloc.serve.service import Service
+    from colmap_lazyloc.serve.tokens import Tokens
 
     warnings.showwarning = lambda message, *_: logger.warning("%s", message)
     PIL.Image.MAX_IMAGE_PIXELS = None  # the service has a limit of its own, and Pillow would only warn
@@ -113,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     limits = Limits(
         options.max_megabytes * 1_000_000, options.max_megapixels * 1_000_000, options.max_queue, options.max_seconds
     )
-    service = Service(Source(options.model, options.database_path, settings), limits)
+    service = Service(CurrentMap(Source(options.model, options.database_path, settings)), limits)
     server = make_server(make_app(service, tokens), options.max_seconds)
     with _listen(options.host, options.port) as listener:
         # From now on, SIGTERM ends the service in order: what has begun is answered. uvicorn raises the signal once
@@ -121,9 +124,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         signal.signal(signal.SIGTERM, server.handle_exit)
         host, port = listener.getsockname()[:2]
         shown = f"[{host}]" if ":" in host else host
-        logger.info("http://%s:%d/ (%d photos at a time)", shown, port, service.num_threads)
+        logger.info("http://%s:%d/ (%d photos at a time)", shown, port, service.queue.num_threads)
         server.run(sockets=[listener])
-    service.close()
+    service.queue.close()
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -1,17 +1,20 @@
-"""What the service localizes photos against."""
+"""What the service localizes photos against, as it is now."""
 
+import asyncio
 import dataclasses
 import os
 import pathlib
 from collections.abc import Mapping
 
 from colmap_lazyloc.database import DatabaseReader
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.localizer import Localizer
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.results import find_run
+from colmap_lazyloc.serve.sessions import Sessions
 
 ON_DEMAND = "LazyLocalizer.Advanced.on_demand"
+WATCH_SECONDS = 1.0  # between two looks at the files of the model
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,3 +65,38 @@ class Source:
         except OSError:  # while it is replaced
             return []
         return sorted((name, stat.st_ino, stat.st_size, stat.st_mtime_ns) for name, stat in files)
+
+
+class CurrentMap:
+    """The map that requests use, and the places of sessions in it. It is opened anew when its files change."""
+
+    def __init__(self, source: Source):
+        """Opens the map; raises InputError if that is impossible."""
+        self._source = source
+        self._stamp = source.stamp()  # of the files before they were opened
+        self.map, self.sessions = source.open(), Sessions()
+        self._lock = asyncio.Lock()
+
+    @property
+    def is_reloading(self) -> bool:
+        return self._lock.locked()
+
+    async def reload(self) -> None:
+        """Opens the map anew; raises InputError if that is impossible."""
+        async with self._lock:
+            self._stamp = await asyncio.to_thread(self._source.stamp)
+            self.map, self.sessions = await asyncio.to_thread(self._source.open), Sessions()
+        logger.info("the database is reloaded")
+
+    async def watch(self) -> None:
+        """Reloads when files of the model have changed, and have stayed the same from one look to the next."""
+        before = self._stamp
+        while True:
+            await asyncio.sleep(WATCH_SECONDS)
+            stamp = await asyncio.to_thread(self._source.stamp)
+            if stamp != self._stamp and stamp == before:
+                try:
+                    await self.reload()
+                except InputError as error:
+                    logger.warning("the database before stays in use: %s", error)
+            before = stamp
