@@ -1,5 +1,8 @@
 #pragma once
 
+#include <algorithm>
+#include <limits>
+
 #include <colmap/optim/ransac.h>
 
 #include "colmap_lazyloc/bridge/convert.h"
@@ -14,7 +17,9 @@ std::optional<Rigid3d> EstimateByRansac(const std::vector<Ray>& rays,
                                         const std::vector<Eigen::Vector3d>& points_in_world, double max_error,
                                         uint32_t seed, double min_inlier_ratio) {
   colmap::RANSACOptions options;
-  options.max_error = max_error;
+  // A camera whose principal point is far from the image has rays so close together that their bound is 0, which RANSAC
+  // refuses.
+  options.max_error = std::max(std::numeric_limits<double>::min(), max_error);
   options.min_inlier_ratio = min_inlier_ratio;
   options.confidence = 0.9999;
   options.min_num_trials = 20;

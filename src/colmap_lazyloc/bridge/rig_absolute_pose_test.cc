@@ -14,7 +14,7 @@ namespace {
 const double kNoiseDeg = 0.05;
 
 // Estimates the pose of two cameras, 0.5 apart, that observe 50 points with noise from a distance of about 10.
-std::optional<Rigid3d> EstimatePairPose() {
+std::optional<Rigid3d> EstimatePairPose(double max_error_rad = DegToRad(3 * kNoiseDeg)) {
   Random random(1);
   const Rigid3d reference_from_world = LookAt(10 * RandomVector(&random).normalized(), Eigen::Vector3d::Zero());
   std::vector<Eigen::Vector3d> rays, points;
@@ -25,7 +25,7 @@ std::optional<Rigid3d> EstimatePairPose() {
     const Rigid3d cam_from_world = cams_from_reference.back() * reference_from_world;
     rays.push_back(DisturbedDirection((cam_from_world * points.back()).normalized(), kNoiseDeg, &random));
   }
-  return EstimateRigAbsolutePose(rays, cams_from_reference, points, DegToRad(3 * kNoiseDeg), /*seed=*/0, 0.5);
+  return EstimateRigAbsolutePose(rays, cams_from_reference, points, max_error_rad, /*seed=*/0, 0.5);
 }
 
 // COLMAP 4 solves with random numbers that all threads share.
@@ -44,6 +44,9 @@ TEST(RigAbsolutePose, IsTheSameWhileOtherThreadsSeed) {
   is_done = true;
   other.join();
 }
+
+// Rays of a camera whose principal point is far from the image: 1 - cos(bound) is 0.
+TEST(RigAbsolutePose, TinyBoundIsNoError) { EXPECT_NO_THROW(EstimatePairPose(/*max_error_rad=*/1e-9)); }
 
 }  // namespace
 }  // namespace lazyloc
