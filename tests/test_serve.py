@@ -39,7 +39,8 @@ class Server:
 
     def __init__(self, photos, *words, num_threads=2):
         options = [word for name, value in SIFT.items() for word in (f"--{name}", value)]
-        command = [sys.executable, "-m", "colmap_lazyloc", "serve", photos.model_path, "--port", 0, *options, *words]
+        port = [] if "--port" in words else ["--port", 0]
+        command = [sys.executable, "-m", "colmap_lazyloc", "serve", photos.model_path, *port, *options, *words]
         command += ["--database_path", photos.database_path, "--LazyLocalizer.num_threads", num_threads]
         self.process = subprocess.Popen(
             list(map(str, command)), stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True, env=ENVIRONMENT
@@ -161,9 +162,25 @@ def test_bad_field_is_one_line(server, jpeg, fields, words):
 
 
 def test_field_given_twice_is_one_line(server, jpeg):
-    position = {"position": "1 2 3 1"}
-    answer = server.client.post("/localize", files={"photo": jpeg}, data=position, params=position)
+    twice = [("position", "1 2 3 1"), ("position", "1 2 3 1")]
+    assert_one_line(server.localize(jpeg, params=twice), 422, "position is given twice")
+    answer = server.client.post("/localize", files={"photo": jpeg}, data={"position": ["1 2 3 1", "1 2 3 1"]})
     assert_one_line(answer, 422, "position is given twice")
+
+
+def test_field_of_the_form_replaces_one_of_the_url(server, photos, jpeg):
+    params = {"camera": "NONE 1 1 1", "position": "1 2 3 1"}
+    x, y, z = photos.poses[photos.query_names[0]].cam_in_world
+    fields = {"camera": photos.camera_words, "position": f"{x} {y} {z} 0.1"}
+    answer = server.client.post("/localize", files={"photo": jpeg}, data=fields, params=params)
+    assert answer.json()["priors"]["position"]["verdict"] == "used"
+
+
+@pytest.mark.parametrize("principal_point", ["1e9 -5", "240 -1e5", "1e6 1e6"])
+def test_principal_point_far_from_the_image_has_an_answer(server, jpeg, principal_point):
+    """The rays are so close together that bounds of RANSAC are 0."""
+    answer = server.localize(jpeg, params={"camera": f"PINHOLE 480 360 400 400 {principal_point}"})
+    assert answer.status_code == 200 and answer.json()["status"] != "LOCALIZED"
 
 
 def test_garbage_is_one_line(server, photos, jpeg):
@@ -290,6 +307,41 @@ def test_every_status_is_in_the_openapi_document(server):
         assert server.client.get(path).status_code == 404
 
 
+def test_openapi_document_has_the_fields_that_are_accepted(server, photos, jpeg):
+    document = server.client.get("/openapi.json").json()
+    parameters = document["paths"]["/localize"]["post"]["parameters"]
+    patterns = {parameter["name"]: parameter["schema"]["pattern"] for parameter in parameters}
+    assert set(patterns) == {"camera", "position", "session"}  # gravity needs an option
+    for name, text, is_valid in (
+        ("camera", photos.camera_words, True),
+        ("camera", "PINHOLE,480,360,400,400,240,180", True),
+        ("camera", "PINHOLE 480 360 400 240 180", False),
+        ("camera", "PINHOLE 480 360 400 0 240 180", False),
+        ("camera", "PINHOLE 0 360 400 400 240 180", False),
+        ("camera", "NONE 480 360 400 400 240 180", False),
+        ("camera", "EQUIRECTANGULAR 640 320 640 320", True),
+        ("position", "1 2 3 0.5", True),
+        ("position", "-1 2.5 +3 0.5 1 2", True),
+        ("position", "1 2 3 1 0 0 1 -0 1", True),
+        ("position", "1 2 3 0", False),
+        ("position", "1 2 3 -1", False),
+        ("position", "1 2 3 1 1", False),
+        ("session", "phone-7", True),
+        ("session", "", False),
+    ):
+        assert bool(re.search(patterns[name], text)) == is_valid, text
+        assert server.localize(jpeg, params={name: text}).status_code == (200 if is_valid else 422), text
+
+
+def test_gravity_is_in_the_document_if_the_service_knows_what_up_is(photos, jpeg):
+    with serving(photos, "--LazyLocalizer.world_up", "0,0,1") as server:
+        parameters = server.client.get("/openapi.json").json()["paths"]["/localize"]["post"]["parameters"]
+        (pattern,) = (parameter["schema"]["pattern"] for parameter in parameters if parameter["name"] == "gravity")
+        for text, is_valid in (("0 1 0.1 2", True), ("0 0 0 2", False), ("0 1 0 0", False), ("0 1 0", False)):
+            assert bool(re.search(pattern, text)) == is_valid, text
+            assert server.localize(jpeg, params={"gravity": text}).status_code == (200 if is_valid else 422), text
+
+
 def test_full_queue_and_slow_senders(photos, jpeg):
     """One localization at a time, one photo that waits: of eight at once, some are refused, and none is lost."""
     words = ["--max_queue", 1, "--max_seconds", 5, "--max_megabytes", 1]
@@ -376,6 +428,25 @@ def test_sigterm_lets_requests_end(photos, jpeg):
             assert answer.status == 200 and json.load(answer)["cam_from_world"]
     _, errors = server.process.communicate(timeout=MAX_SECONDS)
     assert (server.process.returncode, errors) == (0, "")
+
+
+def test_crash_ends_requests_at_once_and_a_new_start_answers(photos, jpeg):
+    """As systemd and docker start it again: on the same port, while connections of before are still known."""
+    server = Server(photos, num_threads=1)
+    connections = [server.connect() for _ in range(3)]
+    for connection in connections:
+        connection.sendall(b"POST /localize HTTP/1.1\r\nHost: x\r\nContent-Length: %d\r\n\r\n" % len(jpeg))
+        connection.sendall(jpeg[:500])
+    server.wait_until("lazyloc_received_bytes", 3 * 500)
+    server.process.send_signal(signal.SIGSEGV)
+    for connection in connections:
+        with connection, contextlib.suppress(ConnectionResetError):
+            assert connection.recv(1000) == b""
+    server.client.close()
+    _, errors = server.process.communicate(timeout=MAX_SECONDS)
+    assert server.process.returncode == -signal.SIGSEGV, errors
+    with serving(photos, "--port", server.port) as again:
+        assert again.port == server.port and pose_errors(photos, again.localize(jpeg))[0] < 0.05
 
 
 @pytest.fixture

@@ -43,6 +43,12 @@ POINT2D = np.dtype([("x", "<f8"), ("y", "<f8"), ("point3d_id", "<i8")])
 NO_POINTS = np.empty(0, POINT2D)
 
 
+def num_focal_lengths(model: str) -> int:
+    """Returns how many parameters of a camera model, its first ones, are focal lengths; of EQUIRECTANGULAR, these are
+    width and height."""
+    return 1 if model.startswith(("SIMPLE_", "RADIAL")) else 2
+
+
 class CameraLike(Protocol):
     """The attributes of pycolmap.Camera that are read: the model is a name, or has one."""
 
@@ -125,9 +131,9 @@ class Camera:
             return "a camera parameter is not a finite number"
         if self.width == 0 or self.height == 0:
             return f"expected an image size in pixels, found {self.width} x {self.height}"
-        num_focal_lengths = 1 if self.model.startswith(("SIMPLE_", "RADIAL")) else 2  # EQUIRECTANGULAR: width, height
-        if min(self.params[:num_focal_lengths]) <= 0:
-            return f"expected a positive focal length, found {min(self.params[:num_focal_lengths]):g}"
+        focal_lengths = self.params[: num_focal_lengths(self.model)]
+        if min(focal_lengths) <= 0:
+            return f"expected a positive focal length, found {min(focal_lengths):g}"
         return ""
 
 

@@ -70,7 +70,7 @@ def make_app(service: Service, tokens: Tokens | None) -> FastAPI:
         dependencies=closed,
         responses=describe_answers([*also, 400, 408, 413, 415, 422, 503, 504]),
         response_class=JSONResponse,
-        **describe_localize(),
+        **describe_localize(service.current.has_world_up),
     )
     for path in geopose.PATHS:
         add(
@@ -78,7 +78,7 @@ def make_app(service: Service, tokens: Tokens | None) -> FastAPI:
             service.localize_geopose,
             methods=["POST"],
             dependencies=closed,
-            responses=describe_answers([*also, 400, 408, 413, 415, 422, 501, 503, 504]),
+            responses=describe_answers([*also, 400, 404, 408, 413, 415, 422, 501, 503, 504]),
             response_class=JSONResponse,
             **describe_geopose(),
         )

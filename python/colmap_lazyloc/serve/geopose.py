@@ -35,6 +35,8 @@ UNKNOWN_CAMERAS = ("", "UNKNOWN", "UNKNOWN_CAMERA")
 OTHER_NAMES = {"THIN_PRISM": "THIN_PRISM_FISHEYE"}  # of the protocol's JavaScript client; the parameters are the same
 SIGMAS = 2.0  # in the accuracy of a position, whose confidence is 95 % in W3C's Geolocation Sensor
 UNKNOWN_HEIGHT_STDDEV_M = 1000.0
+MIN_ACCURACY_M = 1e-6  # of what is known at all
+MAX_SIDE = 65535  # of a photo, in pixels, as of a JPEG file
 MAX_NUMBER = 1e18  # of any field; JSON has no infinity, but Python reads 1e999 as one
 UNKNOWN = -1.0  # an accuracy, as services in use write it
 
@@ -67,7 +69,7 @@ def parse(body: bytes, origin: GeoOrigin, max_pixels: int) -> GeoPoseRequest:
         request = json.loads(body)
     except (ValueError, RecursionError):
         _refuse("the request is not JSON")
-    if _text(request, "type", "geopose") != "geopose":
+    if _value(request, "type", str, "geopose") != "geopose":
         _refuse("type: must be geopose")
     readings = _value(request, "sensorReadings", dict)
     if not isinstance(readings.get("cameraReadings"), list):  # version 1 has one list of all readings
@@ -76,12 +78,10 @@ def parse(body: bytes, origin: GeoOrigin, max_pixels: int) -> GeoPoseRequest:
     if len(cameras) != 1:
         _refuse(f"sensorReadings.cameraReadings: must have one photo, but has {len(cameras)}")
     fields: dict[str, Any] = {"camera": _camera(cameras[0])}
-    places = readings.get("geolocationReadings") or []
-    if not isinstance(places, list):
-        _refuse("sensorReadings.geolocationReadings: must be a list")
+    places = _value(readings, "geolocationReadings", list, [])
     fields["position"] = _position(places, _number(cameras[0], "timestamp", 0.0), origin)
     photo = _photo(cameras[0], max_pixels)
-    return GeoPoseRequest(_text(request, "id"), _number(request, "timestamp"), photo, fields)
+    return GeoPoseRequest(_value(request, "id", str), _number(request, "timestamp"), photo, fields)
 
 
 def answer(request: GeoPoseRequest, result: Result, origin: GeoOrigin) -> str:
@@ -113,31 +113,50 @@ def _accuracy(covariance: NDArray[np.float64] | None) -> dict[str, float]:
 def _camera(reading: Any) -> dict[str, Any] | None:
     """Returns the intrinsics of a reading; None if it has none."""
     params = _value(reading, "params", dict, {})
-    model = _text(params, "model", "").upper()
+    model = _value(params, "model", str, "").upper()
+    if not model.isprintable():
+        _refuse("model: has a character that cannot be printed")
     numbers = _value(params, "modelParams", list, [])
+    width, height = _size(reading)
     if model in UNKNOWN_CAMERAS or not numbers:
         return None
-    width, height = _size(reading)
     return {"model": OTHER_NAMES.get(model, model), "width": width, "height": height, "params": numbers}
 
 
 def _position(readings: Sequence[Any], time: float, origin: GeoOrigin) -> PositionPrior | None:
     """Returns the position that was read nearest to a time in milliseconds, in the model's coordinates; None if no
     reading has an accuracy."""
-    usable = [reading for reading in readings if _number(reading, "accuracy", 0.0) > 0]
+    usable = [place for place in map(_place, readings) if place.accuracy > 0]
     if not usable:
         return None
-    reading = min(usable, key=lambda reading: abs(_number(reading, "timestamp", 0.0) - time))
+    place = min(usable, key=lambda place: abs(place.timestamp - time))
+    height, up_stddev = origin.height_m, UNKNOWN_HEIGHT_STDDEV_M
+    if place.altitude is not None and place.altitude_accuracy > 0:
+        height, up_stddev = place.altitude, max(place.altitude_accuracy, MIN_ACCURACY_M) / SIGMAS
+    (point,) = origin.from_geodetic([place.latitude], [place.longitude], [height])
+    stddev = max(place.accuracy, MIN_ACCURACY_M) / SIGMAS
+    return point, (stddev, stddev, up_stddev)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Place:
+    """A reading of a position, in degrees and metres; an accuracy of 0 is unknown."""
+
+    timestamp: float
+    latitude: float
+    longitude: float
+    altitude: float | None
+    accuracy: float
+    altitude_accuracy: float
+
+
+def _place(reading: Any) -> _Place:
     latitude, longitude = _number(reading, "latitude"), _number(reading, "longitude")
     if not (abs(latitude) <= 90 and abs(longitude) <= 360):
         _refuse(f"geolocationReadings: {latitude:g}, {longitude:g} is not a latitude and longitude")
-    height, height_accuracy = origin.height_m, _number(reading, "altitudeAccuracy", 0.0)
-    if height_accuracy > 0:
-        height = _number(reading, "altitude")
-    (point,) = origin.from_geodetic([latitude], [longitude], [height])
-    stddev = _number(reading, "accuracy") / SIGMAS
-    up_stddev = height_accuracy / SIGMAS if height_accuracy > 0 else UNKNOWN_HEIGHT_STDDEV_M
-    return point, (stddev, stddev, up_stddev)
+    altitude = _number(reading, "altitude") if reading.get("altitude") is not None else None
+    accuracy, altitude_accuracy = (_number(reading, name, 0.0) for name in ("accuracy", "altitudeAccuracy"))
+    return _Place(_number(reading, "timestamp", 0.0), latitude, longitude, altitude, accuracy, altitude_accuracy)
 
 
 def _photo(reading: Any, max_pixels: int) -> bytes | Pixels:
@@ -146,18 +165,16 @@ def _photo(reading: Any, max_pixels: int) -> bytes | Pixels:
     if _value(orientation, "mirrored", bool, False):
         _refuse("imageOrientation: the photo is mirrored, so that it cannot be localized")
     try:
-        data = base64.b64decode(_text(reading, "imageBytes"), validate=True)
+        data = base64.b64decode(_value(reading, "imageBytes", str), validate=True)
     except ValueError:
         _refuse("imageBytes: is not Base64")
-    form = _text(reading, "imageFormat", "").upper()
+    form = _value(reading, "imageFormat", str, "").upper()
     if form == "DEPTH":
         raise HTTPException(415, "imageFormat: DEPTH is no photo")
-    channels = RAW_CHANNELS.get(form, 0)
-    if not channels or "size" not in reading:
-        return data
+    channels = RAW_CHANNELS.get(form, 0)  # 0: a file, whatever its format is called
     width, height = _size(reading)
-    if width * height * channels != len(data):
-        return data  # a file, whatever its format is called
+    if not channels or width * height * channels != len(data):
+        return data
     if width * height > max_pixels:
         raise HTTPException(413, f"the photo has {width} x {height} pixels, more than {max_pixels / 1e6:g} megapixels")
     return np.frombuffer(data, np.uint8).reshape(height, width, channels)[:, :, :3]
@@ -165,16 +182,9 @@ def _photo(reading: Any, max_pixels: int) -> bytes | Pixels:
 
 def _size(reading: Any) -> tuple[int, int]:
     size = _value(reading, "size", list)
-    if len(size) != 2 or not all(isinstance(n, int | float) and 0 < n < 1 << 31 and n == int(n) for n in size):
+    if len(size) != 2 or not all(isinstance(n, int | float) and 0 < n <= MAX_SIDE and n == int(n) for n in size):
         _refuse("size: must be the width and height of the photo")
     return int(size[0]), int(size[1])
-
-
-def _text(of: Any, name: str, default: str | None = None) -> str:
-    text: str = _value(of, name, str, default)
-    if not text.isprintable():
-        _refuse(f"{name}: has a character that cannot be printed")
-    return text
 
 
 def _number(of: Any, name: str, default: float | None = None) -> float:

@@ -78,6 +78,11 @@ class CurrentMap:
         self._lock = asyncio.Lock()
 
     @property
+    def has_world_up(self) -> bool:
+        """True if an option says where up is in the map."""
+        return any(name.rpartition(".")[2] == "world_up" for name in self._source.settings)
+
+    @property
     def is_reloading(self) -> bool:
         return self._lock.locked()
 

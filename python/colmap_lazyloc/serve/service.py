@@ -89,7 +89,7 @@ class Service:
 
         query, result = await self._answer(request, read)
         if not result.is_localized:
-            raise HTTPException(422, f"the photo is not localized: {result.status}: {result.reason}")
+            raise HTTPException(404, f"the photo is not localized: {result.status}: {result.reason}")
         text = await asyncio.to_thread(geopose.answer, query.request, result, origin)
         return Response(text, media_type="application/json")
 

@@ -24,10 +24,10 @@ class Upload:
         self._num_bytes = 0
 
     async def read(self) -> tuple[bytes, list[tuple[str, str]]]:
-        """Returns the photo, and the fields of the query and of the form."""
-        fields = self._request.query_params.multi_items()
+        """Returns the photo, and its fields; a field of the form replaces one of the URL."""
+        in_url = self._request.query_params.multi_items()
         if self._request.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "multipart/form-data":
-            return await self.read_body(), fields
+            return await self.read_body(), in_url
         try:
             form = await _FormParser(
                 self._request.headers,
@@ -38,7 +38,7 @@ class Upload:
             ).parse()
         except MultiPartException as error:
             raise HTTPException(400, f"the form cannot be read: {error.message}") from None
-        photo = b""
+        photo, fields = b"", []
         for name, value in form.multi_items():
             if isinstance(value, str):
                 fields.append((name, value))
@@ -46,7 +46,8 @@ class Upload:
                 photo = await value.read()
             else:
                 raise HTTPException(422, f"unknown file {name!r}; the file must be 'photo'")
-        return photo, fields
+        names = {name for name, _ in fields}
+        return photo, [*fields, *((name, text) for name, text in in_url if name not in names)]
 
     async def read_body(self) -> bytes:
         return b"".join([chunk async for chunk in self._stream()])
