@@ -17,6 +17,7 @@ import pytest
 
 import photo_scene
 import tutorials
+from colmap_lazyloc import __main__ as tool
 from colmap_lazyloc.poses import read_poses
 from conftest import PROJECT_PATH
 
@@ -24,13 +25,26 @@ from conftest import PROJECT_PATH
 MANYLINUX = tuple(f"lib{name}.so" for name in ("c", "dl", "expat", "gcc_s", "m", "pthread", "rt", "stdc++", "z"))
 LICENCES = PROJECT_PATH / "scripts" / "licences.py"
 HELP_PAGES = PROJECT_PATH / "scripts" / "help_pages.py"
-COMPLETE = """
+COMPLETION = PROJECT_PATH / "python" / "colmap_lazyloc" / "completion.sh"
+COMPLETE = {
+    "bash": """
 source "$1"
 shift
 COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
 _lazyloc
 printf '%s\\n' "${COMPREPLY[@]}"
-"""
+""",
+    # Zsh's own functions work in a terminal only.
+    "zsh": """
+compdef() {}
+_files() {}
+compadd() { shift; for name in "$@"; do [[ $name != ${words[CURRENT]}* ]] || echo $name; done; }
+source "$1"
+shift
+words=("$@") CURRENT=$#
+_lazyloc
+""",
+}
 
 
 def run(*command, **options):
@@ -237,15 +251,19 @@ def test_man_page_has_every_option(colmap, tmp_path, command, flag):
         assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.fixture
-def complete(colmap, tmp_path):
-    """Returns a function that completes the last of its words, as bash does in the installed package."""
+@pytest.fixture(params=COMPLETE)
+def complete(colmap, tmp_path, request):
+    """Returns a function that completes the last of its words, as a shell does in the installed package."""
+    shell = shutil.which(request.param)
+    if shell is None:
+        pytest.skip(f"needs {request.param}")
     (tmp_path / "colmap-lazyloc").symlink_to(colmap)
+    (tmp_path / "lazyloc").symlink_to(PROJECT_PATH / "scripts" / "lazyloc")
     (tmp_path / "lazy_localizer").write_text('#!/bin/sh\nexec colmap-lazyloc lazy_localizer "$@"\n')
     (tmp_path / "lazy_localizer").chmod(0o755)
     environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    script = PROJECT_PATH / "packaging" / "bash_completion"
-    return lambda *words: run("bash", "-c", COMPLETE, "bash", script, *words, env=environment).split()
+    words = [shell, *(["-f"] if request.param == "zsh" else []), "-c", COMPLETE[request.param], shell, COMPLETION]
+    return lambda *typed: run(*words, *typed, env=environment).split()
 
 
 def test_completion_knows_commands_and_options(complete, colmap):
@@ -257,11 +275,19 @@ def test_completion_knows_commands_and_options(complete, colmap):
     assert "--Mapper.min_num_matches" in complete("colmap-lazyloc", "mapper", "--Mapper.min")
 
 
-def test_completion_knows_the_tool(complete, tmp_path):
-    (tmp_path / "lazyloc").symlink_to(PROJECT_PATH / "scripts" / "lazyloc")
+def test_completion_knows_the_tool(complete):
     assert complete("lazyloc", "re") == ["report", "retrieve"]
+    assert complete("lazyloc", "control") == ["control_points"]
     assert complete("lazyloc", "import", "--out") == ["--output_path"]
+    assert complete("lazyloc", "run", "--poses_format", "metash") == ["metashape"]
+    assert complete("lazyloc", "run", "--epoch", "") == ["new", "both"]
 
 
 def test_completion_leaves_values_to_file_names(complete):
     assert complete("lazy_localizer", "--database_path", "data") == []
+    assert complete("lazyloc", "run", "--queries", "") == []
+
+
+def test_completion_is_printed_by_the_tool(capsys):
+    assert tool.main(["completion"]) == 0
+    assert capsys.readouterr().out == COMPLETION.read_text()

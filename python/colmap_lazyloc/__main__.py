@@ -23,11 +23,12 @@ COMMANDS = {
     "serve": ("serve.__main__", "run an HTTP service that localizes photos"),
     "demo": ("demo.__main__", "render example photos"),
     "doctor": ("doctor", "show what is installed and what is missing"),
+    "completion": ("completion", "print a script that completes commands and options in bash and zsh"),
 }
 
 
 def help_text() -> str:
-    lines = [f"  {name:<10} {text}" for name, (_, text) in COMMANDS.items()]
+    lines = [f"  {name:<14} {text}" for name, (_, text) in COMMANDS.items()]
     return "\n".join(
         [
             "usage: lazyloc COMMAND [options]",
