@@ -169,11 +169,14 @@ def test_field_given_twice_is_one_line(server, jpeg):
 
 
 def test_field_of_the_form_replaces_one_of_the_url(server, photos, jpeg):
-    params = {"camera": "NONE 1 1 1", "position": "1 2 3 1"}
+    params = {"camera": "PINHOLE 1 1 1 1 0 0", "position": "1 2 3 1"}
     x, y, z = photos.poses[photos.query_names[0]].cam_in_world
     fields = {"camera": photos.camera_words, "position": f"{x} {y} {z} 0.1"}
     answer = server.client.post("/localize", files={"photo": jpeg}, data=fields, params=params)
     assert answer.json()["priors"]["position"]["verdict"] == "used"
+    for name in fields:
+        answer = server.client.post("/localize", files={"photo": jpeg}, data=fields, params={name: "1"})
+        assert_one_line(answer, 422, name)
 
 
 @pytest.mark.parametrize("principal_point", ["1e9 -5", "240 -1e5", "1e6 1e6"])

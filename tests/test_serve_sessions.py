@@ -63,7 +63,7 @@ def test_last_photo_gives_the_distance_from_a_single_image(server, two_walls, jp
     assert np.linalg.norm(np.array(answer["position"]) - before) > 0.3
     offset = np.cross(error, alone["bearing"]["direction"])  # the bearing is that of the images
     assert np.linalg.norm(offset) < 0.1
-    for other in ("another phone", None):
+    for other in ("another-phone", None):
         assert localize(server, photo, scene, other)["status"] == alone["status"]
 
 
@@ -84,7 +84,7 @@ def test_photos_own_position_comes_first(server, two_walls, jpeg):
     assert np.linalg.norm(np.array(answer["position"]) - pose.cam_in_world) < 0.2
 
 
-@pytest.mark.parametrize("session", ["", " ", "x" * 65, "a\x00b"])
+@pytest.mark.parametrize("session", ["", " ", "x" * 65, "a\x00b", "a b", "é"])
 def test_bad_session_is_one_line(server, jpeg, session):
     assert_one_line(server.localize(jpeg, params={"session": session}), 422, "session: must be a name")
 

@@ -9,6 +9,7 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.extension import core
 from colmap_lazyloc.model import CAMERA_MODELS, num_focal_lengths
 from colmap_lazyloc.serve.geopose import MAX_NUMBER, MAX_SIDE, OTHER_NAMES, UNKNOWN_CAMERAS
+from colmap_lazyloc.serve.query import SESSION
 
 ERRORS = {
     400: "The body is empty, not a form, or no request of the GeoPose Protocol",
@@ -72,7 +73,7 @@ def _fields(has_world_up: bool) -> dict[str, tuple[str, str, str]]:
             "A name for the photos of one phone or robot: the place of the last one, at most 3 seconds before, is then "
             "a `position`, unless the photo contradicts it",
             "phone-7",
-            r"^[A-Za-z0-9._-]{1,64}$",
+            f"^{SESSION.pattern}$",
         ),
     }
     if has_world_up:
@@ -241,7 +242,7 @@ def describe_localize(has_world_up: bool) -> dict[str, Any]:
         name: {"type": "string", "pattern": pattern, "description": text, "examples": [example]}
         for name, (text, example, pattern) in _fields(has_world_up).items()
     }
-    form = {"type": "object", "required": ["photo"], "properties": {"photo": BINARY, **fields}}
+    form = _object(("photo",), photo=BINARY, **fields) | {"additionalProperties": False}
     photos = {kind: {"schema": BINARY} for kind in ("image/jpeg", "image/png")}
     body = {"required": True, "content": {**photos, "multipart/form-data": {"schema": form}}}
     parameters = [

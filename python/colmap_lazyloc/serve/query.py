@@ -2,11 +2,13 @@
 
 import dataclasses
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from colmap_lazyloc.arrays import to_camera
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.inputs import GravityPrior, PositionPrior
 from colmap_lazyloc.localizer import Localizer
@@ -14,7 +16,7 @@ from colmap_lazyloc.result import Result
 from colmap_lazyloc.serve.geopose import Pixels
 from colmap_lazyloc.serve.sessions import agrees
 
-MAX_SESSION_LENGTH = 64
+SESSION = re.compile("[A-Za-z0-9._-]{1,64}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Query:
 def parse_fields(fields: Sequence[tuple[str, str]]) -> dict[str, Any]:
     """Returns the arguments of Localizer.localize_photo, and the session."""
     parsers: dict[str, Callable[[list[str]], Any]] = {
-        "camera": " ".join,
+        "camera": _parse_camera,
         "position": _parse_position,
         "gravity": _parse_gravity,
         "session": _parse_session,
@@ -61,6 +63,12 @@ def parse_fields(fields: Sequence[tuple[str, str]]) -> dict[str, Any]:
     return parsed
 
 
+def _parse_camera(words: list[str]) -> str:
+    camera = " ".join(words)
+    to_camera(camera)  # raises if it is none
+    return camera
+
+
 def _parse_position(words: list[str]) -> PositionPrior:
     numbers = _parse_numbers("position", words, (4, 6, 9))
     uncertainty: Any = numbers[3:]
@@ -68,18 +76,22 @@ def _parse_position(words: list[str]) -> PositionPrior:
         upper = np.zeros((3, 3))
         upper[np.triu_indices(3)] = uncertainty
         uncertainty = upper + np.triu(upper, 1).T
+    elif not min(uncertainty) > 0:
+        raise InputError("position: a standard deviation is not positive")
     return numbers[:3], uncertainty
 
 
 def _parse_gravity(words: list[str]) -> GravityPrior:
     *direction, stddev_deg = _parse_numbers("gravity", words, (4,))
+    if not stddev_deg > 0 or not any(direction):
+        raise InputError("gravity: must be a direction and a positive standard deviation")
     return direction, stddev_deg
 
 
 def _parse_session(words: list[str]) -> str:
     session = " ".join(words)
-    if not 0 < len(session) <= MAX_SESSION_LENGTH or not session.isprintable():
-        raise InputError(f"session: must be a name of at most {MAX_SESSION_LENGTH} characters")
+    if not SESSION.fullmatch(session):
+        raise InputError("session: must be a name of at most 64 letters, digits, dots, dashes and underscores")
     return session
 
 

@@ -61,8 +61,8 @@ class Service:
 
         async def read(upload: Upload) -> Query:
             nonlocal sessions, session
-            photo, texts = await upload.read()
-            fields = parse_fields(texts)
+            photo, in_url, in_form = await upload.read()
+            fields = parse_fields(in_url) | parse_fields(in_form)
             prior = None
             if "session" in fields:
                 # With the token, so that nobody asks where the session of someone else is.

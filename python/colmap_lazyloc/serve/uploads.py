@@ -15,6 +15,8 @@ from colmap_lazyloc.serve.limits import Queue
 FORMATS = ("JPEG", "PNG")
 MAX_FIELD_BYTES, MAX_NUM_FIELDS = 4096, 8  # of a form, beside the photo
 
+Fields = list[tuple[str, str]]  # names and texts
+
 
 class Upload:
     """The body of a request. Its bytes count in the queue until `release`."""
@@ -23,11 +25,11 @@ class Upload:
         self._request, self._queue, self._max_bytes = request, queue, max_bytes
         self._num_bytes = 0
 
-    async def read(self) -> tuple[bytes, list[tuple[str, str]]]:
-        """Returns the photo, and its fields; a field of the form replaces one of the URL."""
+    async def read(self) -> tuple[bytes, Fields, Fields]:
+        """Returns the photo, and the fields of the URL and of the form."""
         in_url = self._request.query_params.multi_items()
         if self._request.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "multipart/form-data":
-            return await self.read_body(), in_url
+            return await self.read_body(), in_url, []
         try:
             form = await _FormParser(
                 self._request.headers,
@@ -38,16 +40,15 @@ class Upload:
             ).parse()
         except MultiPartException as error:
             raise HTTPException(400, f"the form cannot be read: {error.message}") from None
-        photo, fields = b"", []
+        photo, in_form = b"", []
         for name, value in form.multi_items():
             if isinstance(value, str):
-                fields.append((name, value))
+                in_form.append((name, value))
             elif name == "photo":
                 photo = await value.read()
             else:
                 raise HTTPException(422, f"unknown file {name!r}; the file must be 'photo'")
-        names = {name for name, _ in fields}
-        return photo, [*fields, *((name, text) for name, text in in_url if name not in names)]
+        return photo, in_url, in_form
 
     async def read_body(self) -> bytes:
         return b"".join([chunk async for chunk in self._stream()])
