@@ -215,8 +215,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--query_list_path",
         type=pathlib.Path,
         help="file with the queries to evaluate, one per line: `name` or `name MODEL width height params...`; "
-        "default: all names in the ground-truth file, or, if it is a model, those of its images that were queries of "
-        "the run (results.jsonl beside the estimated poses), or else all with an estimated pose",
+        "default: all names in the ground-truth file. If the ground truth is a model: its images that were queries of "
+        "the run (results.jsonl beside the estimated poses), or without it all images with an estimated pose",
     )
     parser.add_argument(
         "--thresholds",

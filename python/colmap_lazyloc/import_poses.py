@@ -239,7 +239,7 @@ def _write_gps(options: argparse.Namespace) -> None:
     given = None if options.geo_origin is None else GeoOrigin.parse(options.geo_origin)
     if options.model is not None:
         if given is not None:
-            raise InputError("--geo_origin: the origin is that of --model")
+            raise InputError("--geo_origin: cannot be given with --model, which has its own origin")
         given = GeoOrigin.read(options.model)
         if given is None:
             raise InputError(f"--model {options.model}: has no {FILE_NAME}, so that it is not geographic")

@@ -139,7 +139,7 @@ def _check_one_camera(times: Mapping[str, float], source: Source) -> None:
     _refuse_twins(
         times,
         source.photos,
-        "time, but the trajectory is that of one camera: give the folder of its photos, or the rig (lazyloc import "
+        "time, but the trajectory is of one camera: give the folder of its photos, or the rig (lazyloc import "
         "--rig_config_path)",
     )
 

@@ -130,8 +130,8 @@ def _frame(path: pathlib.Path, reference: dict[str, Any] | None, source: Source)
     if source.crs is not None:
         raise InputError(f"--crs {source.crs}: OpenDroneMap's offset is missing: keep odm_georeferencing/coords.txt")
     logger.warning(
-        "%s: OpenDroneMap may have replaced its coordinates by those of a grid, so that they are taken for those of no "
-        "known place: keep %s beside it, or odm_georeferencing/coords.txt",
+        "%s: OpenDroneMap may have changed the coordinates to a grid, so that they are used without a place on the "
+        "Earth: keep %s beside it, or odm_georeferencing/coords.txt",
         path,
         TOPOCENTRIC,
     )

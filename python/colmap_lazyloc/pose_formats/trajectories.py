@@ -89,8 +89,8 @@ def parse_of_body(source: Source, layouts: Sequence[str], convention: Convention
     is_camera = source.calibration_path is not None or source.camera_axes is not None
     if not is_camera and "cam" not in source.path.name.lower():
         raise InputError(
-            f"{source.path}: its poses are those of the body: give --calibration, which says how the camera is "
-            "mounted, or --camera_axes opencv if they are those of the camera"
+            f"{source.path}: its poses are of the body: give --calibration, which says how the camera is "
+            "mounted, or --camera_axes opencv if the poses are of the camera"
         )
     return parse(source, layouts, convention)
 
