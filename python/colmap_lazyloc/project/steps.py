@@ -48,7 +48,7 @@ MAX_NUM_WORDS = 16384  # of the vocabulary tree
 MIN_FEATURES_PER_WORD = 10
 SEQUENCE_REACH = 5  # frames before and after one with which it is matched
 MIN_MODEL_SIZE = 3
-FIRST_NUM_PAIRS, SECONDS_PER_PART = 20, 10.0  # that are matched at once
+FIRST_NUM_PAIRS, SECONDS_PER_PART = 4, 5.0  # that are matched at once
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,8 +136,9 @@ def match_pairs(
 ) -> None:
     """Matches pairs by `command`, a matches_importer.
 
-    COLMAP writes matches, and says how far it is, only after each thousand pairs, which can take an hour. It gets as
-    many pairs at once as take a few seconds, so that their number shows the progress.
+    COLMAP writes matches, and says how far it is, only after each thousand pairs, which can take an hour: until then,
+    not even another reader of the database sees a match. So COLMAP gets a few pairs first, and then as many at once as
+    take some seconds.
     """
     words = [*command, "--database_path", database, "--match_type", "pairs"]
     done, count = 0, FIRST_NUM_PAIRS
