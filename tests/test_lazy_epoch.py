@@ -108,6 +108,62 @@ def test_same_input_same_output(start, localized, epoch, tmp_path):
         assert (tmp_path / "output" / name).read_bytes() == (epoch / name).read_bytes()
 
 
+def write_control_points(files, path, *more, shift=(0.0, 0.0, 0.0)):
+    """Writes six points, which all images show, with marks that are exact to half a pixel."""
+    rng = np.random.default_rng(5)
+    lines = []
+    for index, place in enumerate(rng.uniform(-0.6, 0.6, (6, 3))):
+        x, y, z = (place + shift).tolist()
+        lines.append(f"point GCP {index} {x!r} {y!r} {z!r} 0.002 0.002 0.002")
+        for name, image in files.scene.images.items():
+            camera = files.scene.cameras[image.camera_id]
+            pixel = camera.image_from_cam(image.pose(place[None]))[0] + rng.normal(0, 0.5, 2)
+            lines.append(f"mark {name} {pixel[0]:.3f} {pixel[1]:.3f}")
+    path.write_text("\n".join([*lines, *more, ""]))
+    return path
+
+
+def test_control_points_give_the_frame(start, localized, epoch, files, tmp_path):
+    shift = np.array([0.05, -0.03, 0.04])
+    path = write_control_points(files, tmp_path / "points.txt", shift=shift)
+    words = ["--control_points_path", path, "--LazyEpoch.mark_stddev_px", "0.5", "--LazyEpoch.with_database", 1]
+    done = start(localized.output_path, tmp_path / "output", *words)
+    assert done.returncode == 0 and "6 control points: off by" in done.stderr, done.stderr
+    assert "left out" not in done.stderr
+    without, results = (read_results(path / "results.jsonl") for path in (epoch, tmp_path / "output"))
+    for name, result in results.items():
+        true = files.scene.images[name].pose.cam_in_world + shift
+        before, after = (to_pose(each[name]["cam_from_world"]).cam_in_world for each in (without, results))
+        assert np.linalg.norm(after - true) < 0.01 < np.linalg.norm(before - true), name
+        assert np.linalg.norm(after - true) < 5 * np.linalg.norm(result["position_stddevs"])
+    given, model = read_model(files.model_path), read_model(tmp_path / "output/model")
+    assert all(model.images[name].pose.bits() == image.pose.bits() for name, image in given.images.items())
+
+
+def test_wrong_mark_is_named(start, localized, files, tmp_path):
+    path = write_control_points(files, tmp_path / "points.txt")
+    lines = path.read_text().splitlines()
+    index = next(i for i, line in enumerate(lines) if line.startswith("mark query/003.jpg"))
+    lines[index] = "mark query/003.jpg 5 5"
+    path.write_text("\n".join(lines))
+    done = start(localized.output_path, tmp_path / "output", "--control_points_path", path)
+    named = [line for line in done.stderr.splitlines() if line.startswith("WARNING: ")]
+    assert len(named) == 1 and "'GCP 0' in query/003.jpg is left out" in named[0], done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("mark nowhere.jpg 1 2", "'nowhere.jpg' is neither a new photo nor a database image"),
+        ("point P 1 2 3 1 1", "expected `point NAME x y z"),
+    ],
+)
+def test_wrong_control_points_are_refused(start, localized, files, tmp_path, line, message):
+    path = write_control_points(files, tmp_path / "points.txt", line)
+    done = start(localized.output_path, tmp_path / "output", "--control_points_path", path)
+    assert_refused(done, tmp_path, message)
+
+
 @pytest.mark.parametrize("option", ["database_path", "input_path", "localized_path"])
 def test_missing_file_is_named(start, localized, tmp_path, option):
     done = start(localized.output_path, tmp_path / "output", **{option: tmp_path / "missing"})

@@ -81,6 +81,9 @@ RUN = {"--database_images": "photos", "--queries": "new", "--output": "out", "--
         ({"--LazyLocalizer.min_confidence": "7"}, "--LazyLocalizer.min_confidence must be <= 1, but is 7"),
         ({"--epoch": "yes"}, "--epoch: invalid choice: 'yes'; choose from 'new', 'both'"),
         ({"--control_points": "notes.txt"}, "--control_points has no effect with --poses"),
+        ({"--use_control_points": "0.02", "--epoch": "new"}, "--use_control_points needs --control_points"),
+        ({"--use_control_points": "0.02", "--control_points": "notes.txt"}, "--use_control_points needs --epoch"),
+        ({"--use_control_points": "-1"}, "--use_control_points: must be positive, but is '-1'"),
     ],
 )
 def test_mistakes_of_run(typed, changed, message):

@@ -4,6 +4,7 @@ import json
 import pathlib
 
 import cv2
+import numpy as np
 import pytest
 
 import photo_scene
@@ -12,6 +13,7 @@ from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project.epoch import common_cameras, epoch_pairs
+from colmap_lazyloc.pycolmap_types import image_from_cam
 from colmap_lazyloc.results import find_results, read_results
 
 POSE = {"qvec": [1.0, 0.0, 0.0, 0.0], "tvec": [0.0, 0.0, 0.0]}
@@ -66,6 +68,29 @@ def test_run_places_photos_and_keeps_database_poses(colmap, photos, monkeypatch,
     assert json.loads((tmp_path / "out/epoch/changes.json").read_text()) == []
     with DatabaseReader(tmp_path / "out/epoch/matches.db") as database:
         assert tuple(photos.database_names[:2]) in database.matched_pairs()
+
+
+def test_control_points_place_new_photos(colmap, photos, monkeypatch, tmp_path, capsys):
+    """The survey is off from the database by 5 cm."""
+    monkeypatch.setenv("COLMAP", str(colmap))
+    shift = np.array([0.04, -0.02, 0.03])
+    places = [(-1.5, 5.0, 1.0), (-0.5, 5.0, 2.6), (0.5, 5.0, 1.2), (1.5, 5.0, 2.4), (0.0, 4.0, 0.5), (1.0, 3.0, 0.3)]
+    points, marks = ["point,x,y,z"], ["photo,point,x,y"]
+    for index, place in enumerate(places):
+        points.append(",".join([f"P{index}", *map(repr, (np.array(place) + shift).tolist())]))
+        for name in (*photos.query_names, *photos.database_names):
+            pixel = image_from_cam(photo_scene.CAMERA, photos.poses[name](np.array([place])))[0]
+            marks.append(f"{name},P{index},{pixel[0]:.2f},{pixel[1]:.2f}")
+    (tmp_path / "points.csv").write_text("\n".join(points))
+    (tmp_path / "marks.csv").write_text("\n".join(marks))
+    files = ["--control_points", tmp_path / "points.csv", tmp_path / "marks.csv"]
+    assert run(photos, tmp_path / "out", "--epoch", *files, "--use_control_points", "0.002") == 0
+    assert "6 control points: off by" in capsys.readouterr().err
+    for name, pose in read_poses(tmp_path / "out/epoch/poses.txt").items():
+        assert np.linalg.norm(pose.cam_in_world - photos.poses[name].cam_in_world - shift) < 0.02
+    assert run(photos, tmp_path / "out", "--epoch", *files, "--use_control_points", "0.5") == 0
+    lines = (tmp_path / "out/epoch/control_points.txt").read_text().splitlines()
+    assert lines[0].startswith("point P0 ") and lines[0].endswith(" 0.5 0.5 0.5") and "mark query/" in lines[1]
 
 
 @pytest.mark.parametrize("role", ["queries", "all"])

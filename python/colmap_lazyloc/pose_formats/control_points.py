@@ -34,6 +34,7 @@ METASHAPE = (
 )
 METASHAPE_SYSTEM = re.compile(r"#CoordinateSystem:.*\(EPSG::?(\d+)\)")
 ODM_CORNER = 0.5  # OpenDroneMap counts pixels from the centre of the first one, COLMAP from its corner
+POINT_STDDEV_M = 0.02  # of control points and their marks
 MAX_DISTANCE_M = 1e5  # between a point and the origin of a model
 
 
@@ -86,16 +87,19 @@ class ControlPoints:
         return {name: pose.cam_in_world for name, pose in zip(self.points, placed) if pose is not None}, origin
 
 
-def read_control_points(paths: Sequence[pathlib.Path], crs: str | None = None) -> ControlPoints:
+def read_control_points(
+    paths: Sequence[pathlib.Path], crs: str | None = None, is_only_of_points: bool = True
+) -> ControlPoints:
     """Reads the points and marks of one or several files; each error is an InputError that names the file.
 
-    `crs`: the reference system of coordinates in a table, if they are not those of the model.
+    `crs`: the reference system of coordinates in a table, if they are not those of the model. `is_only_of_points`: it
+    is an error if the files have their own.
     """
     found = ControlPoints(frame=Frame(crs))
     for path in paths:
         with errors_named(path):
             _read(path, found)
-    if crs is not None and found.frame.crs != crs:
+    if is_only_of_points and crs is not None and found.frame.crs != crs:
         raise InputError("--crs has no effect: the files have their own reference system")
     if not found.marks:
         raise InputError(f"{paths[0]}: there are no marks of points in photos: expected are {EXPECTED}")

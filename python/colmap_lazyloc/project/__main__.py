@@ -32,7 +32,7 @@ from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.alignment import Distance
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
-from colmap_lazyloc.project.epoch import adjust_epoch
+from colmap_lazyloc.project.epoch import Survey, adjust_epoch
 from colmap_lazyloc.project.folder import DATABASE, MATCHES, QUERY, RECORD, Folder, Steps, content, fingerprint
 from colmap_lazyloc.project.frames import is_video, write_frames
 from colmap_lazyloc.project.kept import KeptResults
@@ -133,12 +133,13 @@ def _run(arguments: Sequence[str] | None) -> int:
         steps.match_database(project, used, posed, num_neighbors)
     known = _known_lengths(options, database, positions)
     steps.make_model(project, used, posed, not database.widths, known)
+    survey = _survey(project, options, [*used, *queries.linked.values()])
     _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
     results, database_path = project.folder.localized, project.folder.database
     if has_stored_queries(options):
         database_path = project.folder.query_database
     if options.epoch is not None and _has_pose(results):
-        adjust_epoch(project, database_path if has_stored_queries(options) else None, options.epoch == "both")
+        adjust_epoch(project, database_path if has_stored_queries(options) else None, options.epoch == "both", survey)
         results, database_path = project.folder.epoch, project.folder.epoch / MATCHES
     options.unit = METRE if known is not None else options.unit
     _write_report(project.folder, results, database_path, options)
@@ -253,7 +254,7 @@ def _known_lengths(options: argparse.Namespace, database: Images, positions: Pos
     if options.scale is not None:
         first, second, metres = options.scale
         return Distance(database.linked[first], database.linked[second], float(metres))
-    if options.control_points is not None:
+    if options.control_points is not None and options.poses is None and positions is None:
         control: ControlPoints = options.control_points  # read by `check`
         return control
     if positions is None:
@@ -261,6 +262,15 @@ def _known_lengths(options: argparse.Namespace, database: Images, positions: Pos
     linked = database.linked
     photos = (dataclasses.replace(photo, name=linked[photo.name]) for photo in positions.photos if photo.name in linked)
     return dataclasses.replace(positions, photos=tuple(photos))
+
+
+def _survey(project: steps.Project, options: argparse.Namespace, images: Sequence[str]) -> Survey | None:
+    """Returns the control points that place the new photos, if they do; says early what is wrong with them."""
+    if options.use_control_points is None:
+        return None
+    survey = Survey(options.control_points, options.use_control_points)
+    survey.lines(images, project.folder.model)
+    return survey
 
 
 def _check_poses(project: steps.Project, options: argparse.Namespace, posed: PosedImages) -> None:

@@ -11,14 +11,13 @@ import numpy as np
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import poses_of, read_model
-from colmap_lazyloc.pose_formats.control_points import ControlPoints
+from colmap_lazyloc.pose_formats.control_points import POINT_STDDEV_M, ControlPoints
 from colmap_lazyloc.pose_formats.posed_images import Positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
 
 MIN_NUM_PHOTOS = 3
 MIN_NUM_POINTS = 3
-POINT_STDDEV_M = 0.02  # of control points and their marks
 NUM_PARAMETERS = 7  # of a similarity
 TOLERANCE = 3.0  # of the alignment, in deviations or in median errors
 FIRST_TOLERANCE_M, MIN_TOLERANCE_M = 0.5, 0.01

@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import logging
 import pathlib
 import re
 import signal
@@ -20,6 +21,7 @@ GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+ +\d+ \S+\] ")
 STACK_TRACE = re.compile(r"@ +0x|\*\*\* |PC: |terminate called|what\(\): ")  # what follows a failed check of COLMAP
 PROCESSED = re.compile(r"(?:file|image) \[(\d+)/(\d+)\]")  # extracted, indexed or matched
 REGISTERED = re.compile(r"Registering image #\d+ \((?:num_reg_frames=)?(\d+)\)")  # of COLMAP 3 or 4
+WARNING = "WARNING: "  # at the beginning of a line
 SECONDS_PER_LINE = 30.0  # where there is no bar
 
 
@@ -29,8 +31,9 @@ class ColmapRunner:
     def __init__(self, log_path: pathlib.Path):
         self._log_path = log_path
 
-    def run(self, words: Sequence[object], bar: "ProgressBar | None" = None) -> None:
-        """Runs a command; raises InputError with its last line, or the one before a stack trace, if it fails."""
+    def run(self, words: Sequence[object], bar: "ProgressBar | None" = None, shown: str | None = None) -> None:
+        """Runs a command; raises InputError with its last line, or the one before a stack trace, if it fails. Lines
+        with the text `shown` are shown to the user, too."""
         texts = [str(word) for word in words]
         last_line = ""
         prctl = getattr(ctypes.CDLL(None), "prctl", None)  # of Linux
@@ -63,6 +66,10 @@ class ColmapRunner:
                         with nullcontext() if bar is None else bar.hidden():
                             logger.info(f"first pose: {result['query']} at {x:.3f} {y:.3f} {z:.3f}")
                     text = COLOUR.sub("", line).strip()
+                    if shown is not None and shown in text:
+                        with nullcontext() if bar is None else bar.hidden():
+                            is_warning = text.startswith(WARNING)
+                            logger.log(logging.WARNING if is_warning else logging.INFO, text.removeprefix(WARNING))
                     if text and not STACK_TRACE.match(text):
                         last_line = text
                 code = process.wait()

@@ -1,15 +1,20 @@
 """Adjusts the new photos of a project together, in the frame of the database images, which do not move."""
 
+import dataclasses
 import json
 import pathlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from colmap_lazyloc.cluster.task import command_line
 from colmap_lazyloc.database import DatabaseReader, copy_database, set_cameras
-from colmap_lazyloc.model import Camera
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera, read_model
+from colmap_lazyloc.pose_formats.control_points import ControlPoints
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.naming import Names
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 from colmap_lazyloc.program import has_command
 from colmap_lazyloc.project.colmap_runner import ProgressBar
@@ -20,17 +25,49 @@ from colmap_lazyloc.result_fields import ResultFields
 from colmap_lazyloc.results import RESULTS, pose_of, read_results
 
 NUM_NEIGHBORS = 10  # new photos with which each is matched
+CONTROL_POINTS = "control_points.txt"  # for lazy_epoch, in the folder of the epoch
 DONE = "done.txt"  # in the folder of the epoch: what its results were made of
 
 
-def adjust_epoch(project: Project, stored: pathlib.Path | None, with_database: bool) -> None:
+@dataclasses.dataclass(frozen=True)
+class Survey:
+    """Control points that place the new photos, and the standard deviation of their coordinates."""
+
+    points: ControlPoints
+    stddev: float
+
+    def lines(self, images: Iterable[str], model: pathlib.Path) -> list[str]:
+        """Returns the file of control points of lazy_epoch, with the marks in these images."""
+        places = self.points.in_model(GeoOrigin.read(model))
+        names = sorted({mark.photo for mark in self.points.marks})
+        found = Names.among(names, sorted(images))
+        if found.ambiguous:
+            raise InputError(f"--control_points: {next(iter(found.ambiguous.values()))}")
+        images_of = {names[index]: image for index, image in found.photos.items()}
+        lines = []
+        for point, place in places.items():
+            marks = [mark for mark in self.points.marks if mark.point == point and mark.photo in images_of]
+            if marks:
+                lines.append(" ".join(["point", point, *map(repr, place.tolist()), *[repr(self.stddev)] * 3]))
+            lines += [f"mark {images_of[mark.photo]} {mark.pixel[0]!r} {mark.pixel[1]!r}" for mark in marks]
+        if not lines:
+            raise InputError("--control_points: no point with coordinates has a mark in a photo of this run")
+        return lines
+
+
+def adjust_epoch(
+    project: Project, stored: pathlib.Path | None, with_database: bool, survey: Survey | None = None
+) -> None:
     """Matches the new photos of a project with each other, and adjusts those that were localized together.
 
     `stored`: the database of the photos; None if lazy_localizer has written one. `with_database`: the model has the
-    database images, too.
+    database images, too. `survey`: places the photos.
     """
     folder = project.folder
-    key = fingerprint(json.loads((folder.path / RUN).read_text(encoding="utf-8"))["key"], with_database)
+    results = read_results(folder.localized / RESULTS)
+    lines = [] if survey is None else survey.lines([*results, *read_model(folder.model).images], folder.model)
+    run_key = json.loads((folder.path / RUN).read_text(encoding="utf-8"))["key"]
+    key = fingerprint(run_key, with_database, *([lines] if lines else []))
     done, matches = folder.epoch / DONE, folder.epoch / MATCHES
     if done.exists() and done.read_text() == key and (folder.epoch / RESULTS).exists():
         return
@@ -38,7 +75,6 @@ def adjust_epoch(project: Project, stored: pathlib.Path | None, with_database: b
     done.unlink(missing_ok=True)
     if stored is not None and not matches.exists():
         copy_database(stored, matches)
-    results = read_results(folder.localized / RESULTS)
     with DatabaseReader(matches) as database:
         found = {name: result for name, result in results.items() if name in database.image_ids}
         cameras = common_cameras(found, {name: database.camera(name) for name in found})
@@ -48,8 +84,11 @@ def adjust_epoch(project: Project, stored: pathlib.Path | None, with_database: b
     words: list[object] = [*command_line(str(project.colmap) if is_ours else None, "lazy_epoch")]
     words += ["--database_path", matches, "--input_path", folder.model, "--localized_path", folder.localized]
     words += ["--output_path", folder.epoch, "--LazyEpoch.with_database", int(with_database)]
-    with ProgressBar(f"adjusting {len(found)} photos together"):
-        project.runner.run(words)
+    if lines:
+        (folder.epoch / CONTROL_POINTS).write_text("\n".join([*lines, ""]), encoding="utf-8")
+        words += ["--control_points_path", folder.epoch / CONTROL_POINTS]
+    with ProgressBar(f"adjusting {len(found)} photos together") as bar:
+        project.runner.run(words, bar, shown="control point")
     done.write_text(key)
 
 

@@ -13,7 +13,7 @@ from colmap_lazyloc.errors import InputError, Parser, logger, positive_int
 from colmap_lazyloc.import_poses import CONVENTION_OPTIONS, add_source_options, join_values, make_source
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats import positions
-from colmap_lazyloc.pose_formats.control_points import read_control_points
+from colmap_lazyloc.pose_formats.control_points import POINT_STDDEV_M, read_control_points
 from colmap_lazyloc.pose_formats.geo import find_crs
 from colmap_lazyloc.pose_formats.registry import FORMATS
 from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder
@@ -92,8 +92,17 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         nargs="+",
         type=pathlib.Path,
         metavar="FILE",
-        help="surveyed points that are marked in database images, for the coordinates of these points without --poses: "
-        "the files of `lazyloc control_points`",
+        help="surveyed points that are marked in photos: the files of `lazyloc control_points`. Without --poses, those "
+        "in database images give the model the coordinates of the points",
+    )
+    of_poses(
+        "--use_control_points",
+        nargs="?",
+        type=_positive,
+        const=POINT_STDDEV_M,
+        metavar="STDDEV",
+        help="with --epoch: place the new photos by --control_points, too; the standard deviation of the points' "
+        f"coordinates may follow, in the unit of the model (default: {POINT_STDDEV_M:g})",
     )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
@@ -286,19 +295,23 @@ def _separate_positions(options: argparse.Namespace) -> None:
 
 def _check_metres(options: argparse.Namespace) -> None:
     """Checks --scale, --control_points and --crs, which act on a model of COLMAP's mapper, too."""
+    for name in ("control_points", "epoch"):
+        if options.use_control_points is not None and getattr(options, name) is None:
+            raise InputError(f"--use_control_points needs --{name}")
     if options.control_points is not None:
         importlib.import_module("colmap_lazyloc.control_points")  # says which packages it lacks
         given = next((name for name in ("poses", "positions", "scale") if getattr(options, name) is not None), None)
-        if given is not None:
+        if given is not None and options.use_control_points is None:
             name = "poses" if given == "positions" else given
             raise InputError(
                 f"--control_points has no effect with --{name}: compare with the points after the run (lazyloc "
-                "control_points)"
+                "control_points), or place new photos by them (--epoch --use_control_points)"
             )
         if DATABASE in panorama_roles(options):
             raise InputError("--control_points has no effect on panoramas")
         path = options.control_points[0]
-        options.control_points = read_control_points(options.control_points, options.crs)
+        has_poses = options.poses is not None or options.positions is not None
+        options.control_points = read_control_points(options.control_points, options.crs, not has_poses)
         if not options.control_points.points:
             raise InputError(f"--control_points {path}: no point has coordinates")
     if options.scale is not None:

@@ -131,6 +131,17 @@ class PriorCost : public ceres::CostFunction {
   Eigen::MatrixXd root_;
 };
 
+// The deviation of a control point from its survey, in standard deviations.
+struct SurveyCost {
+  Survey survey;
+
+  template <typename T>
+  bool operator()(const T* point_in_world, T* deviation) const {
+    for (int k = 0; k < 3; ++k) deviation[k] = (point_in_world[k] - survey.place[k]) / survey.stddevs[k];
+    return true;
+  }
+};
+
 Pose ToArray(const Rigid3d& pose) {
   const Eigen::Vector4d q = pose.rotation.normalized().coeffs();
   return {q[0], q[1], q[2], q[3], pose.translation[0], pose.translation[1], pose.translation[2]};
@@ -196,6 +207,7 @@ class JointSolver {
       if (problem_.HasParameterBlock(params_[i].data())) FixParams(scene_.cameras[i], params_[i].data(), &problem_);
     }
     AddPriors();
+    AddSurveys();
   }
 
   JointAdjustment Solve(const JointAdjustmentOptions& options) {
@@ -219,12 +231,14 @@ class JointSolver {
 
  private:
   void AddPoint(size_t index) {
+    const std::optional<Survey>& survey = scene_.points[index].survey;
     for (const JointObservation& observation : scene_.points[index].observations) {
       const JointImage& image = scene_.images[observation.image];
       const int model_id = scene_.cameras[image.camera].camera.model_id;
       const Eigen::Vector2d& keypoint = image.keypoints[observation.keypoint];
-      problem_.AddResidualBlock(image.prior ? MakeCost<DatabaseCost>(model_id, keypoint, image.noise_px, *image.prior)
-                                            : MakeCost<PhotoCost>(model_id, keypoint, image.noise_px),
+      const double noise_px = survey ? survey->mark_noise_px : image.noise_px;
+      problem_.AddResidualBlock(image.prior ? MakeCost<DatabaseCost>(model_id, keypoint, noise_px, *image.prior)
+                                            : MakeCost<PhotoCost>(model_id, keypoint, noise_px),
                                 new ceres::CauchyLoss(kLossScaleSigma), PoseBlock(observation.image),
                                 points_[index].data(), params_[image.camera].data());
     }
@@ -246,6 +260,17 @@ class JointSolver {
         const Eigen::MatrixXd own = precision.diagonal().segment(static_cast<Eigen::Index>(i), 1);
         problem_.AddResidualBlock(new PriorCost(k, own), nullptr, deviations[i]);
       }
+    }
+  }
+
+  // Adds the surveys behind the priors.
+  void AddSurveys() {
+    for (size_t i = 0; i < points_.size(); ++i) {
+      const std::optional<Survey>& survey = scene_.points[i].survey;
+      if (!survey || !problem_.HasParameterBlock(points_[i].data())) continue;
+      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<SurveyCost, 3, 3>(new SurveyCost{*survey}), nullptr,
+                                points_[i].data());
+      num_survey_errors_ += 3;
     }
   }
 
@@ -306,7 +331,7 @@ class JointSolver {
 
   // Multiplies the rows of each observation by the root of its weight in Cauchy's loss. Returns the variance factor.
   double ApplyLoss(const std::vector<double>& residuals, ceres::CRSMatrix* jacobian) const {
-    const auto num_deviations = 6 * scene_.rotation_precision.rows();
+    const auto num_deviations = 6 * scene_.rotation_precision.rows() + num_survey_errors_;
     const auto num_errors = static_cast<Eigen::Index>(residuals.size()) - num_deviations;
     double sum_weights = 0, sum_derivatives = 0, sum_squares = 0;
     for (Eigen::Index row = 0; row < num_errors; row += 2) {
@@ -353,6 +378,7 @@ class JointSolver {
   std::vector<Deviation> deviations_;        // by image; of those with a prior
   std::vector<std::vector<double>> params_;  // by camera
   std::vector<Eigen::Vector3d> points_;
+  Eigen::Index num_survey_errors_ = 0;
   ceres::Problem problem_;
 };
 

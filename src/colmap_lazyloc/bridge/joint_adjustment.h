@@ -27,10 +27,11 @@ struct JointAdjustment {
 
 // Adjusts the poses of all images, the cameras that are not constant (focal length and distortion), and the points.
 // Database images without a prior and constant cameras keep every bit. Minimizes
-//   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum Q_ab p_a^T p_b
-// where r are the reprojection errors in standard deviations of the images' keypoints, s is the loss scale of all
-// stages, p the deviations of the database images from their priors, and Q the precision of these deviations, by Ceres
-// with a sparse Schur complement. A point behind an image must not be observed by it. If summary.success is false, the
+//   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum Q_ab p_a^T p_b + 1/2 sum |d|^2
+// where r are the reprojection errors in standard deviations of the images' keypoints or of marks, s is the loss scale
+// of all stages, p the deviations of the database images from their priors, Q the precision of these deviations, and d
+// the deviations of control points from their survey in its standard deviations, by Ceres with a sparse Schur
+// complement. A point behind an image must not be observed by it. If summary.success is false, the
 // scene is that of the input. Uses one thread, because the sums of several differ in the last digits from run to run.
 JointAdjustment AdjustJointly(const JointAdjustmentOptions& options, JointScene* scene);
 

@@ -10,6 +10,7 @@
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/epoch/epoch.h"
 #include "colmap_lazyloc/files/staged_output.h"
+#include "colmap_lazyloc/formats/control_point_file.h"
 #include "colmap_lazyloc/formats/localized_results.h"
 #include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/options/options.h"
@@ -44,12 +45,23 @@ Model ReadDatabaseModel(const std::string& path, const std::vector<LocalizationR
   return model;
 }
 
+// Reads the control points, if a file of them is given.
+std::vector<ControlPoint> ReadControl(const std::string& path, const Model& model,
+                                      const std::vector<LocalizationResult>& localized) {
+  if (path.empty()) return {};
+  std::set<std::string> names;
+  for (const ModelImage& image : model.images) names.insert(image.name);
+  for (const LocalizationResult& result : localized) names.insert(result.query_name);
+  return ReadControlPoints(path, [&](const std::string& name) { return names.count(name) > 0; });
+}
+
 int Run(const std::string& own_path, const EpochCommandOptions& options) {
   if (fs::weakly_canonical(options.output_path) == fs::weakly_canonical(options.localized_path)) {
     throw InputError("--output_path " + options.output_path + ": is also --localized_path");
   }
   const std::vector<LocalizationResult> localized = ReadLocalizedResults(options.localized_path);
   Model model = ReadDatabaseModel(options.input_path, localized);
+  const std::vector<ControlPoint> control = ReadControl(options.control_points_path, model, localized);
   const DatabaseReader database(options.database_path);
   const auto is_localized = [](const LocalizationResult& result) { return result.status == QueryStatus::LOCALIZED; };
   if (std::none_of(localized.begin(), localized.end(), is_localized)) {
@@ -58,7 +70,7 @@ int Run(const std::string& own_path, const EpochCommandOptions& options) {
   ResultWriter writer(options.output_path);
   const StagedOutput scratch(options.output_path);
   const std::vector<QueryRecord> adjusted =
-      AdjustEpoch(model, localized, database, options.epoch, scratch / "photos.txt",
+      AdjustEpoch(model, localized, control, database, options.epoch, scratch / "photos.txt",
                   [](const std::string& line) { std::cerr << line << std::endl; });
   RecordWriter(scratch / "records.bin").Append(PackGroup(0, adjusted));
   const QueryRecords records({scratch / "records.bin"});

@@ -104,6 +104,22 @@ double LargestNoisePx(const JointScene& scene) {
   return largest;
 }
 
+// Adds the control points that have marks behind the other points.
+void AddControlPoints(const ControlMarks& control, JointScene* scene) {
+  for (const JointPoint& point : control.points) {
+    if (!point.observations.empty()) scene->points.push_back(point);
+  }
+}
+
+// Takes them from the points again, with their adjusted places.
+void RemoveControlPoints(JointScene* scene, ControlMarks* control) {
+  for (auto point = control->points.rbegin(); point != control->points.rend(); ++point) {
+    if (point->observations.empty()) continue;
+    point->point_in_world = scene->points.back().point_in_world;
+    scene->points.pop_back();
+  }
+}
+
 // Moves the points to where they fit the poses best, which stay.
 void AdjustPoints(JointScene* scene) {
   JointScene constant = *scene;
@@ -118,23 +134,32 @@ void AdjustPoints(JointScene* scene) {
 AdjustedPhotos AdjustInRounds(JointScene* scene) {
   DatabaseErrors errors(*scene);
   JointAdjustment adjustment;
+  ControlMarks control;
   double max_error_px = kStartMaxErrorPx;
   for (int round = 0; round < kNumRounds; ++round) {
     scene->points = TriangulateJointly(*scene, max_error_px);
     RemoveMisfits(max_error_px, scene);
     const bool is_last = round + 1 == kNumRounds;
     KeepLongestTracks(is_last ? kMaxNumObservations : kMaxNumStartObservations, scene);
-    if (round > 0) errors.SetPriors(scene);
+    if (round > 0) {
+      control = FindFittingMarks(*scene);
+      AddControlPoints(control, scene);
+      errors.SetPriors(scene);
+    }
     JointAdjustmentOptions adjustment_options;
     adjustment_options.computes_information = round > 0;
     adjustment = AdjustJointly(adjustment_options, scene);
-    if (!adjustment.summary.success) return {adjustment.summary, {}};
+    RemoveControlPoints(scene, &control);
+    if (!adjustment.summary.success) return {adjustment.summary, {}, {}};
     if (round > 0 && !is_last) errors.Estimate(*scene, adjustment);
     EstimateNoise(scene);
     max_error_px = std::clamp(kMaxErrorSigma * LargestNoisePx(*scene), kMinMaxErrorPx, kStartMaxErrorPx);
   }
-  const AdjustedPhotos photos{adjustment.summary, errors.PhotoCovariances(*scene, adjustment)};
+  const AdjustedPhotos photos{adjustment.summary, errors.PhotoCovariances(*scene, adjustment), std::move(control)};
+  const bool is_surveyed = !scene->control_points.empty();
+  if (is_surveyed) AdjustPoints(scene);  // to the photos, which do not return
   errors.ReturnToGivenDatabase(adjustment, scene);
+  if (is_surveyed) return photos;
   AdjustPoints(scene);
   RemoveMisfits(0, scene);
   return photos;

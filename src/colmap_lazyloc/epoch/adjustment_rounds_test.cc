@@ -246,6 +246,84 @@ TEST(AdjustInRounds, MoreDatabaseImagesThanADenseMatrixSolves) {
   EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.045);
 }
 
+// Adds control points, which all images show.
+void AddControlPoints(int count, double stddev, double mark_noise_px, TestScene* scene) {
+  Random random(99);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < count; ++i) {
+    const Eigen::Vector3d place = RandomVector(&random);
+    JointPoint point;
+    const Eigen::Vector3d error(normal(random), normal(random), normal(random));
+    point.survey = Survey{place + stddev * error, Eigen::Vector3d::Constant(stddev), mark_noise_px};
+    for (size_t image = 0; image < scene->given.images.size(); ++image) {
+      std::vector<Eigen::Vector2d>& keypoints = scene->given.images[image].keypoints;
+      point.observations.push_back({static_cast<int>(image), static_cast<uint32_t>(keypoints.size())});
+      const Eigen::Vector2d noise(normal(random), normal(random));
+      keypoints.emplace_back(*ImageFromCam(MakeCamera(), scene->exact.images[image].cam_from_world * place) +
+                             mark_noise_px * noise);
+    }
+    scene->given.control_points.push_back(std::move(point));
+  }
+}
+
+// Moves the database, and the photos with it, away from the survey.
+void Shift(const Eigen::Vector3d& shift, JointScene* scene) {
+  for (JointImage& image : scene->images) {
+    image.cam_from_world = CamFromWorld(image.cam_from_world.rotation, CamInWorld(image.cam_from_world) + shift);
+  }
+}
+
+// The shift displaces keypoints by up to 20 px. Eight points with a deviation of 0.005 show it to 0.002.
+TEST(AdjustInRounds, PhotosAreInTheFrameOfControlPoints) {
+  const Eigen::Vector3d shift(0.2, -0.1, 0.15);
+  double without = 0, with = 0, normalized_error = 0;
+  constexpr int kNumScenes = 5;
+  for (uint32_t seed = 0; seed < kNumScenes; ++seed) {
+    SceneOptions options;
+    options.num_database = 12;
+    options.seed = seed;
+    TestScene scene = MakeScene(options);
+    Shift(shift, &scene.given);
+    TestScene controlled = scene;
+    AddControlPoints(8, 0.005, 0.5, &controlled);
+    ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+    const AdjustedPhotos adjusted = AdjustInRounds(&controlled.given);
+    ASSERT_TRUE(adjusted.summary.success);
+    EXPECT_TRUE(adjusted.control.wrong.empty());
+    without += MeanPositionError(scene.given, scene.exact) / kNumScenes;
+    with += MeanPositionError(controlled.given, scene.exact) / kNumScenes;
+    normalized_error += NormalizedError(adjusted, controlled.given, scene.exact) / kNumScenes;
+    EXPECT_EQ(controlled.given.images.back().cam_from_world.translation,
+              scene.given.images.back().cam_from_world.translation);
+  }
+  EXPECT_NEAR(without, shift.norm(), 0.02);
+  EXPECT_LT(with, 0.012);
+  EXPECT_GT(normalized_error, 0.2);
+  EXPECT_LT(normalized_error, 2);
+}
+
+TEST(AdjustInRounds, WrongMarkOfAControlPointIsLeftOut) {
+  TestScene scene = MakeScene({});
+  AddControlPoints(8, 0.005, 0.5, &scene);
+  TestScene wrong = scene;
+  JointImage& photo = wrong.given.images[2];
+  photo.keypoints.back().x() += 60;
+  ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+  const AdjustedPhotos adjusted = AdjustInRounds(&wrong.given);
+  ASSERT_EQ(adjusted.control.wrong.size(), 1u);
+  EXPECT_EQ(adjusted.control.wrong[0].control_point, 7u);
+  EXPECT_EQ(adjusted.control.wrong[0].image, 2);
+  EXPECT_LT(PositionError(photo.cam_from_world, scene.given.images[2].cam_from_world), 0.003);
+}
+
+// A survey that says less than the database leaves the photos where the database has them.
+TEST(AdjustInRounds, InexactControlPointsDoNotMovePhotos) {
+  TestScene scene = MakeScene({});
+  AddControlPoints(4, 0.5, 0.5, &scene);
+  ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.012);
+}
+
 TEST(AdjustInRounds, PhotoWithTooFewMatchesKeepsItsPose) {
   TestScene scene = MakeScene({});
   for (JointPair& pair : scene.given.pairs) {

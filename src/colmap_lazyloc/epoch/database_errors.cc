@@ -7,6 +7,7 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/noise/database_pose_errors.h"
 #include "colmap_lazyloc/noise/viewpoint_errors.h"
 #include "colmap_lazyloc/refinement/prior_precision.h"
 
@@ -17,6 +18,9 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using SparseMatrix = Eigen::SparseMatrix<double>;
 
 constexpr size_t kMaxNumDenseImages = 150;
+// Expected shift of the database against a survey, in pixels, in logs, and the first and smallest one that is tried: a
+// survey in another frame is off by many pixels, one that the database was adjusted with by less than one.
+constexpr ExpectedStddev kShift = {3, 2, 0.02, 3};
 
 Layout MakeEpochLayout(const JointScene& scene) {
   Layout layout;
@@ -37,6 +41,11 @@ Layout MakeEpochLayout(const JointScene& scene) {
       layout.queries_of_frame[0].push_back(layout.num_queries++);
     }
     layout.given.images.push_back(image);
+  }
+  const size_t num_database = layout.database_frames_of_frame[0].size();
+  if (!scene.control_points.empty() && num_database <= kMaxNumDenseImages) {
+    layout.expected_pose_errors.push_back(ExpectPoseErrors(LocalizerOptions()));
+    layout.expected_pose_errors[0].sizes.push_back(kShift);
   }
   return layout;
 }
@@ -119,7 +128,9 @@ Matrix6d TangentFromError(const Rigid3d& pose, const PosePrior& unit) {
 }  // namespace
 
 DatabaseErrors::DatabaseErrors(const JointScene& given)
-    : layout_(MakeEpochLayout(given)), priors_(layout_, LocalizerOptions()) {}
+    : is_surveyed_(!given.control_points.empty()),
+      layout_(MakeEpochLayout(given)),
+      priors_(layout_, LocalizerOptions()) {}
 
 PosedImages DatabaseErrors::PosedBy(const JointScene& scene) const {
   PosedImages posed = posed_.frames.empty() ? layout_.given : posed_;
@@ -189,14 +200,15 @@ std::vector<Matrix6d> DatabaseErrors::PhotoCovariances(const JointScene& scene,
   std::vector<Rigid3d> viewpoints;
   for (int i = 0; i < layout_.num_queries; ++i) viewpoints.push_back(scene.images[i].cam_from_world);
   PredictedErrors predicted;
-  if (size > 0) predicted = PredictErrors(posed, group, viewpoints.front(), viewpoints);
+  const bool returns = size > 0 && !is_surveyed_;
+  if (returns) predicted = PredictErrors(posed, group, viewpoints.front(), viewpoints);
   for (int i = 0; i < layout_.num_queries; ++i) {
     const int first = adjustment.first_parameter[i];
     if (first < 0) continue;
     Eigen::MatrixXd gain = Eigen::MatrixXd::Zero(adjustment.information.cols(), 6);
     gain.middleRows<6>(first).setIdentity();
     Matrix6d of_prediction = Matrix6d::Zero();
-    if (size > 0) {
+    if (returns) {
       const Matrix6d derivative = TangentFromError(viewpoints[i], *posed.frames[group.frames.front()].prior);
       for (Eigen::Index j = 0; j < size; ++j) {
         gain.middleRows<3>(places[j]) = predicted.by_rotation(i, j) * derivative.leftCols<3>().transpose();
@@ -219,7 +231,7 @@ void DatabaseErrors::ReturnToGivenDatabase(const JointAdjustment& adjustment, Jo
     JointImage& image = scene->images[i];
     if (image.is_database) {
       image.cam_from_world = layout_.given.frames[FrameOf(i)].frame_from_world;
-    } else if (adjustment.first_parameter[i] >= 0) {
+    } else if (adjustment.first_parameter[i] >= 0 && !is_surveyed_) {
       image.cam_from_world = CamFromWorld(reported, static_cast<int>(i));
     }
     image.prior.reset();

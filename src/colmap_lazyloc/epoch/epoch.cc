@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/epoch/epoch.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <utility>
@@ -76,6 +77,17 @@ void TakeAdjusted(const EpochScene& epoch, const AdjustedPhotos& adjusted, std::
       result.intrinsics.verdict = IntrinsicsVerdict::REFINED;
     }
   }
+}
+
+// Adjusts a scene, and takes over what comes of it. Returns what the control points have shown.
+ControlMarks Adjust(const std::function<void(const std::string&)>& report, EpochScene* epoch,
+                    std::vector<EpochCamera>* cameras, std::vector<EpochPhoto>* photos) {
+  AdjustedPhotos adjusted = AdjustInRounds(&epoch->scene);
+  report(Format("adjusted %d photos with %d database images and %d points: %s", static_cast<int>(epoch->photos.size()),
+                static_cast<int>(epoch->scene.images.size() - epoch->photos.size()),
+                static_cast<int>(epoch->scene.points.size()), adjusted.summary.message.c_str()));
+  if (adjusted.summary.success) TakeAdjusted(*epoch, adjusted, cameras, photos);
+  return std::move(adjusted.control);
 }
 
 // Returns true if adjustment has moved a photo by more than its localization lets expect.
@@ -192,17 +204,44 @@ void CountPhotos(const std::vector<EpochPhoto>& photos, std::vector<EpochCamera>
   for (size_t i = 0; i < counts.size(); ++i) (*cameras)[i].num_photos = counts[i];
 }
 
+// Reports which marks of control points were not used, and how far the others are off.
+void ReportControlPoints(const std::vector<ControlPoint>& control, const EpochScene& epoch, const ControlMarks& marks,
+                         const std::function<void(const std::string&)>& report) {
+  for (const WrongMark& wrong : marks.wrong) {
+    report(Format("WARNING: the mark of control point '%s' in %s is left out, because it is off by %.0f px",
+                  control[wrong.control_point].name.c_str(), epoch.names[wrong.image].c_str(), wrong.error_px));
+  }
+  Eigen::Vector3d squares = Eigen::Vector3d::Zero();
+  int num_points = 0, num_marks = 0;
+  double squares_px = 0;
+  for (const JointPoint& point : marks.points) {
+    if (point.observations.empty()) continue;
+    ++num_points;
+    squares += (point.point_in_world - point.survey->place).cwiseAbs2();
+    for (const JointObservation& mark : point.observations) {
+      const double error_px = ReprojectionErrorPx(epoch.scene, point, mark);
+      if (epoch.scene.images[mark.image].is_database) continue;  // has the pose that was given again
+      ++num_marks;
+      squares_px += error_px * error_px;
+    }
+  }
+  const Eigen::Vector3d rms = (squares / std::max(num_points, 1)).cwiseSqrt();
+  report(Format("%d control points: off by %.4f %.4f %.4f (root mean square), and by %.2f px at %d marks in new photos",
+                num_points, rms.x(), rms.y(), rms.z(), std::sqrt(squares_px / std::max(num_marks, 1)), num_marks));
+}
+
 }  // namespace
 
 bool EpochOptions::Check(std::string* error) const {
   if (num_threads < 1 && num_threads != -1) *error = "num_threads must be >= 1, or -1";
   if (!(min_confidence >= 0 && min_confidence <= 1)) *error = "min_confidence must be from 0 to 1";
+  if (!(mark_stddev_px > 0 && std::isfinite(mark_stddev_px))) *error = "mark_stddev_px must be greater than 0";
   return error->empty();
 }
 
 std::vector<QueryRecord> AdjustEpoch(const Model& model, std::vector<LocalizationResult> localized,
-                                     const DatabaseReader& database, const EpochOptions& options,
-                                     const std::filesystem::path& scratch_file,
+                                     const std::vector<ControlPoint>& control, const DatabaseReader& database,
+                                     const EpochOptions& options, const std::filesystem::path& scratch_file,
                                      const std::function<void(const std::string&)>& report) {
   std::vector<EpochPhoto> photos = MakePhotos(std::move(localized), database);
   std::vector<EpochCamera> cameras = ChooseCameras(model, database, options.shares_intrinsics, &photos);
@@ -211,17 +250,18 @@ std::vector<QueryRecord> AdjustEpoch(const Model& model, std::vector<Localizatio
   EpochScene epoch;
   for (int i = 0;; ++i) {
     epoch = builder.Build(photos, cameras);
-    const AdjustedPhotos adjusted = AdjustInRounds(&epoch.scene);
-    report(Format("adjusted %d photos with %d database images and %d points: %s", static_cast<int>(epoch.photos.size()),
-                  static_cast<int>(epoch.scene.images.size() - epoch.photos.size()),
-                  static_cast<int>(epoch.scene.points.size()), adjusted.summary.message.c_str()));
-    if (adjusted.summary.success) TakeAdjusted(epoch, adjusted, &cameras, &photos);
+    Adjust(report, &epoch, &cameras, &photos);
     const int num_removed = RemoveContradicted(&photos);
     if (num_removed > 0) report(Format("%d photos do not fit those they hang on", num_removed));
     const int num_found = i < kMaxNumHangings ? HangPhotos(model, cameras, hanging, &photos) : 0;
     if (num_found > 0) report(Format("%d photos hang on others", num_found));
     if (num_found + num_removed == 0) break;
     CountPhotos(photos, &cameras);
+  }
+  if (!control.empty()) {
+    epoch = builder.Build(photos, cameras);
+    builder.AddControlPoints(control, options.mark_stddev_px, &epoch);
+    ReportControlPoints(control, epoch, Adjust(report, &epoch, &cameras, &photos), report);
   }
   PointsAdder(epoch, &photos).AddAll();
   std::vector<QueryRecord> records;

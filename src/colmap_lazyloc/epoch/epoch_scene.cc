@@ -72,39 +72,74 @@ const Matches& EpochSceneBuilder::MatchesOf(const Ids& ids) {
   return entry->second;
 }
 
+int EpochSceneBuilder::AddDatabaseImage(uint32_t id, EpochScene* epoch) {
+  const auto [image, is_new] = epoch->image_of_id.emplace(id, static_cast<int>(epoch->scene.images.size()));
+  if (!is_new) return image->second;
+  const ModelImage& posed = *posed_of_id_.at(id);
+  const auto [camera, is_new_camera] =
+      epoch->camera_of_model.emplace(posed.camera_id, static_cast<int>(epoch->scene.cameras.size()));
+  if (is_new_camera) epoch->scene.cameras.push_back({model_.cameras.at(posed.camera_id), true});
+  epoch->names.push_back(posed.name);
+  epoch->scene.images.push_back(
+      {camera->second, RelativeTo(epoch->origin, posed.cam_from_world), true, 1, KeypointsOf(id)});
+  return image->second;
+}
+
 EpochScene EpochSceneBuilder::Build(const std::vector<EpochPhoto>& photos, const std::vector<EpochCamera>& cameras) {
   EpochScene epoch;
   epoch.origin = MeanPosition(photos);
   for (const EpochCamera& camera : cameras) epoch.scene.cameras.push_back({camera.camera, camera.is_constant});
-  std::map<uint32_t, int> image_of_id, camera_of_model;
-  const auto add = [&](uint32_t id, const std::string& name, int camera, const Rigid3d& pose, bool is_database) {
-    image_of_id.emplace(id, static_cast<int>(epoch.scene.images.size()));
-    epoch.names.push_back(name);
-    epoch.scene.images.push_back({camera, RelativeTo(epoch.origin, pose), is_database, 1, KeypointsOf(id)});
-  };
   for (size_t i = 0; i < photos.size(); ++i) {
-    if (!photos[i].is_placed) continue;
+    const EpochPhoto& photo = photos[i];
+    if (!photo.is_placed) continue;
+    epoch.image_of_id.emplace(*photo.database_id, static_cast<int>(epoch.photos.size()));
     epoch.photos.push_back(static_cast<int>(i));
-    add(*photos[i].database_id, photos[i].Name(), photos[i].camera, photos[i].Pose(), false);
+    epoch.names.push_back(photo.Name());
+    epoch.scene.images.push_back(
+        {photo.camera, RelativeTo(epoch.origin, photo.Pose()), false, 1, KeypointsOf(*photo.database_id)});
   }
   for (const int index : epoch.photos) {
     const uint32_t id = *photos[index].database_id;
     for (const uint32_t other : neighbours_[id]) {
-      const auto posed = posed_of_id_.find(other);
-      const bool is_database = posed != posed_of_id_.end();
-      if (!is_database && (image_of_id.count(other) == 0 || other < id)) continue;  // a pair of photos counts once
+      const bool is_database = posed_of_id_.count(other) > 0;
+      if (!is_database && (epoch.image_of_id.count(other) == 0 || other < id))
+        continue;  // a pair of photos counts once
       const Matches& matches = MatchesOf({id, other});
       if (matches.empty()) continue;
-      if (image_of_id.count(other) == 0) {
-        const uint32_t camera_id = posed->second->camera_id;
-        const auto [camera, is_new] = camera_of_model.emplace(camera_id, static_cast<int>(epoch.scene.cameras.size()));
-        if (is_new) epoch.scene.cameras.push_back({model_.cameras.at(camera_id), true});
-        add(other, posed->second->name, camera->second, posed->second->cam_from_world, true);
-      }
-      epoch.scene.pairs.push_back({image_of_id.at(other), image_of_id.at(id), matches});
+      const int image = is_database ? AddDatabaseImage(other, &epoch) : epoch.image_of_id.at(other);
+      epoch.scene.pairs.push_back({image, epoch.image_of_id.at(id), matches});
     }
   }
   return epoch;
+}
+
+void EpochSceneBuilder::AddControlPoints(const std::vector<ControlPoint>& control, double mark_stddev_px,
+                                         EpochScene* epoch) {
+  std::map<std::string, int> image_of_name;
+  for (size_t i = 0; i < epoch->names.size(); ++i) image_of_name.emplace(epoch->names[i], static_cast<int>(i));
+  for (const auto& [id, posed] : posed_of_id_) {
+    const auto has_mark = [&name = posed->name](const ControlPoint& point) {
+      return std::any_of(point.marks.begin(), point.marks.end(),
+                         [&](const ControlMark& mark) { return mark.image_name == name; });
+    };
+    if (std::any_of(control.begin(), control.end(), has_mark)) {
+      image_of_name.emplace(posed->name, AddDatabaseImage(id, epoch));
+    }
+  }
+  for (const ControlPoint& point : control) {
+    JointPoint joint;
+    joint.survey = Survey{point.place - epoch->origin, point.stddevs, mark_stddev_px};
+    for (const ControlMark& mark : point.marks) {
+      const auto image = image_of_name.find(mark.image_name);
+      if (image == image_of_name.end()) continue;  // a photo without a pose
+      std::vector<Eigen::Vector2d>& keypoints = epoch->scene.images[image->second].keypoints;
+      joint.observations.push_back({image->second, static_cast<uint32_t>(keypoints.size())});
+      keypoints.push_back(mark.pixel);
+    }
+    std::sort(joint.observations.begin(), joint.observations.end(),
+              [](const JointObservation& a, const JointObservation& b) { return a.image < b.image; });
+    epoch->scene.control_points.push_back(std::move(joint));
+  }
 }
 
 }  // namespace lazyloc

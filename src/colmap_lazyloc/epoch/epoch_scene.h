@@ -9,6 +9,7 @@
 
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/epoch/epoch_photo.h"
+#include "colmap_lazyloc/scene/control_point.h"
 #include "colmap_lazyloc/scene/joint_scene.h"
 #include "colmap_lazyloc/scene/model.h"
 
@@ -20,6 +21,8 @@ struct EpochScene {
   std::vector<std::string> names;                    // by image of the scene
   std::vector<int> photos;                           // index of the photo, by image of the scene; only of photos
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // of the scene, in the world
+  std::map<uint32_t, int> image_of_id;               // index of an image, by its id in the database
+  std::map<uint32_t, int> camera_of_model;           // index of a camera of database images, by its id in the model
 };
 
 // Makes scenes of the photos of a database. Reads keypoints and matches once.
@@ -28,6 +31,8 @@ class EpochSceneBuilder {
   EpochSceneBuilder(const Model& model, const DatabaseReader& database, const std::vector<EpochPhoto>& photos);
 
   EpochScene Build(const std::vector<EpochPhoto>& photos, const std::vector<EpochCamera>& cameras);
+  // Adds control points to a scene, and the database images that only marks connect with it.
+  void AddControlPoints(const std::vector<ControlPoint>& control, double mark_stddev_px, EpochScene* epoch);
 
  private:
   using Ids = std::pair<uint32_t, uint32_t>;  // of two images in the database
@@ -35,6 +40,8 @@ class EpochSceneBuilder {
   // Returns the verified matches, from the second image to the first one; none if they cannot be used.
   const Matches& MatchesOf(const Ids& ids);
   const std::vector<Eigen::Vector2d>& KeypointsOf(uint32_t image_id);
+  // Adds a database image unless the scene has it. Returns its index.
+  int AddDatabaseImage(uint32_t id, EpochScene* epoch);
 
   const Model& model_;
   const DatabaseReader& database_;

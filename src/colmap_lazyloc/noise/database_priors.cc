@@ -28,7 +28,7 @@ constexpr double kExactProbability = 0.3;
 // Minimum share of the variances that remains where poses are exact, because equations would be singular else.
 constexpr double kMinVarianceShare = 1e-3;
 
-constexpr int kNumComponents = 3;  // errors that change with the viewpoint, independent rotations, positions
+constexpr size_t kNumComponents = 3;  // errors that change with the viewpoint, independent rotations, positions
 
 double ViewpointVariance(const Rigid3d& a, const Rigid3d& b, double scene_distance) {
   // Takes the chord 2 sin(angle / 2), because the covariances are positive definite for distances in a Euclidean space.
@@ -122,6 +122,9 @@ PriorGroup DatabasePriors::MakeGroup(int query_frame, const std::vector<FrameSca
   group.components = {{ViewpointErrorShape(poses, query, common.distance), variances[0]},
                       {identity, variances[1], PosePart::ROTATION},
                       {identity, variances[2], PosePart::POSITION}};
+  if (variances.size() > kNumComponents) {
+    group.components.push_back({Eigen::MatrixXd::Ones(size, size), variances[kNumComponents], PosePart::POSITION});
+  }
   group.exact_probability = exact_probabilities_[query_frame];
   return group;
 }

@@ -42,6 +42,7 @@ struct MergerOptions {
 // Everything that `colmap lazy_epoch` takes.
 struct EpochCommandOptions {
   std::string database_path, input_path, localized_path, output_path;
+  std::string control_points_path;  // empty: none
   bool with_database = false;
   EpochOptions epoch;
 };

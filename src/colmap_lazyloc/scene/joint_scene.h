@@ -43,9 +43,17 @@ struct JointObservation {
   uint32_t keypoint = 0;
 };
 
+// What a survey says of a point. The keypoints of its observations are marks that people have made.
+struct Survey {
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  Eigen::Vector3d stddevs = Eigen::Vector3d::Ones();
+  double mark_noise_px = 1;  // standard deviation of the marks per coordinate
+};
+
 struct JointPoint {
   Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
-  std::vector<JointObservation> observations;  // at most one per image, sorted by image
+  std::vector<JointObservation> observations;   // at most one per image, sorted by image
+  std::optional<Survey> survey = std::nullopt;  // of a control point
 };
 
 // New photos and the database images that they share matches with. The origin of the world is near the cameras.
@@ -54,6 +62,7 @@ struct JointScene {
   std::vector<JointImage> images;
   std::vector<JointPair> pairs;
   std::vector<JointPoint> points;
+  std::vector<JointPoint> control_points = {};  // with all of their marks; adjusted if they are among the points
   // Inverse covariance of the deviations from the priors, in their standard deviations: of one coordinate of the
   // rotations and of the positions, by image with a prior.
   Eigen::MatrixXd rotation_precision = {}, position_precision = {};
