@@ -12,7 +12,7 @@ from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.poses import read_poses
-from colmap_lazyloc.project.epoch import common_cameras, epoch_pairs
+from colmap_lazyloc.project.epoch import common_cameras, epoch_pairs, warn_of_rigs
 from colmap_lazyloc.pycolmap_types import image_from_cam
 from colmap_lazyloc.results import find_results, read_results
 
@@ -44,6 +44,13 @@ def test_guessed_intrinsics_become_the_median_of_what_was_found():
     results |= {"3": result(None), "4": result(4)}
     cameras = common_cameras(results, {**dict.fromkeys("0123", guess), "4": other})
     assert cameras == dict.fromkeys("0123", Camera("SIMPLE_PINHOLE", 60, 40, (51.0, 30.0, 20.0)))
+
+
+def test_photos_of_rigs_are_named(caplog):
+    warn_of_rigs({"a": result(0, frame=None), "b": result(1)})
+    assert not caplog.records
+    warn_of_rigs({"a": result(0, frame="f0"), "b": result(1, frame="f0"), "c": result(2, frame=None)})
+    assert "each of 2 photos of rigs on its own" in caplog.text
 
 
 def run(photos, output, *more, queries=None):

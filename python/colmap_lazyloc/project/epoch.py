@@ -10,7 +10,7 @@ import numpy as np
 
 from colmap_lazyloc.cluster.task import command_line
 from colmap_lazyloc.database import DatabaseReader, copy_database, set_cameras
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.control_points import ControlPoints
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
@@ -71,6 +71,7 @@ def adjust_epoch(
     done, matches = folder.epoch / DONE, folder.epoch / MATCHES
     if done.exists() and done.read_text() == key and (folder.epoch / RESULTS).exists():
         return
+    warn_of_rigs(results)
     folder.epoch.mkdir(exist_ok=True)
     done.unlink(missing_ok=True)
     if stored is not None and not matches.exists():
@@ -90,6 +91,16 @@ def adjust_epoch(
     with ProgressBar(f"adjusting {len(found)} photos together") as bar:
         project.runner.run(words, bar, shown="control point")
     done.write_text(key)
+
+
+def warn_of_rigs(results: Mapping[str, ResultFields]) -> None:
+    """Names rigs, whose photos are each adjusted on their own."""
+    frames = Counter(frame for result in results.values() if (frame := result.get("frame")) is not None)
+    num_photos = sum(frames.values())
+    if num_photos > len(frames):
+        logger.warning(
+            "--epoch adjusts each of %d photos of rigs on its own, because it does not know rigs", num_photos
+        )
 
 
 def epoch_pairs(results: Mapping[str, ResultFields]) -> list[tuple[str, str]]:
