@@ -238,7 +238,7 @@ def test_kitti_360_calibration_of_the_photos_camera(tmp_path):
     rows = "image_00: 1 0 0 0 0 1 0 0 0 0 1 0\nimage_01: 0 0 1 1.5 1 0 0 0 0 1 0 0\n"
     calibration = pose_files.write(tmp_path, "calib_cam_to_pose.txt", rows)
     pose_files.assert_poses(pose_files.read(path, folder, calibration_path=calibration), truth)
-    with pytest.raises(InputError, match="those of the body: give --calibration"):
+    with pytest.raises(InputError, match="its poses are of the body: give --calibration"):
         pose_files.read(path, folder)
 
 

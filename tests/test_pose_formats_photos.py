@@ -153,7 +153,7 @@ def test_poses_with_ids_belong_to_photos_by_id_or_by_time(tmp_path):
         found = dict(zip(photos, truth.values()))
         assert_poses(read(path, write_named(tmp_path / name, photos)), found)
     robot = path.rename(tmp_path / "rtabmap_poses.txt")
-    with pytest.raises(InputError, match="those of the body: give --calibration"):
+    with pytest.raises(InputError, match="its poses are of the body: give --calibration"):
         read(robot, tmp_path / "ids")
 
 
