@@ -56,7 +56,9 @@ class Fit:
     def require_orientation(self, what: str, assumed: str = "") -> None:
         """Raises NotAlignedError if the orientation follows from errors; `assumed`: how large these are taken to be."""
         if self.rotation_stddev_deg > MAX_ROTATION_STDDEV_DEG:
-            raise NotAlignedError(f"the {what} are almost on a line, or too close together for errors{assumed}")
+            raise NotAlignedError(
+                f"the {what} are almost on a line, or so close together that errors{assumed} leave the orientation open"
+            )
 
     def text(self, title: str) -> str:
         """Returns what a user wants to know of it; `title`: what the model is aligned to."""
@@ -103,7 +105,7 @@ def align_to_positions(
     stddevs = [photo.accuracy_m for photo in used if photo.accuracy_m is not None]
     stddev = float(np.median(stddevs)) if len(stddevs) >= len(used) / 2 else None
     fit = _fit(align, targets, stddev, title)
-    assumed = f" of {MIN_STDDEV_M:g} m, which are assumed without a stated accuracy" if stddev is None else ""
+    assumed = f" of {MIN_STDDEV_M:g} m (assumed)" if stddev is None else ""
     fit.require_orientation(f"photos with {title}", assumed)
     if positions.origin is not None:
         positions.origin.write(folder.model)
