@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/refinement/intrinsics_score.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -22,10 +23,21 @@ constexpr double kRegularization = 1e-9;
 // displacements in two coordinates.
 constexpr int kNumClusterParameters = 3;
 
-using Derivative = Eigen::Matrix<double, 2, NUM_INTRINSICS_PARAMETERS>;
+// Foreign patterns: displacements of the image that neither a pose nor a correction makes. They are a skew, as by a
+// rolling shutter whose camera turns, and tangential distortion in two directions. They show how large the errors are
+// that all points of a photo share. Their squares are averaged with those of more patterns, which are as large as
+// expected, because three are few.
+constexpr int kNumPatterns = 3;
+constexpr double kNumExpectedPatterns = 3;
 
-// Returns the derivative of a point's projection with respect to the corrections. offset: of the projection from the
-// principal point.
+// The corrections, and after them the patterns.
+constexpr int kNumColumns = NUM_INTRINSICS_PARAMETERS + kNumPatterns;
+
+using Derivative = Eigen::Matrix<double, 2, kNumColumns>;
+using Information = Eigen::Matrix<double, kNumColumns, kNumColumns>;
+
+// Returns the derivative of a point's projection with respect to the corrections and the patterns. offset: of the
+// projection from the principal point.
 Derivative ProjectionDerivative(const Eigen::Vector2d& offset) {
   Derivative derivative;
   derivative.col(LOG_FOCAL_FACTOR) = offset;
@@ -34,16 +46,20 @@ Derivative ProjectionDerivative(const Eigen::Vector2d& offset) {
   derivative.col(LOG_ASPECT_RATIO) = Eigen::Vector2d(-0.5, 0.5).cwiseProduct(offset);
   derivative.col(RADIAL_DISTORTION) = offset * offset.squaredNorm() / std::pow(kRadialUnitPx, 3);
   derivative.col(FIFTH_POWER_DISTORTION) = offset * std::pow(offset.squaredNorm(), 2) / std::pow(kRadialUnitPx, 5);
+  const double x = offset.x() / kRadialUnitPx, y = offset.y() / kRadialUnitPx;
+  derivative.rightCols<kNumPatterns>() << y, 3 * x * x + y * y, 2 * x * y, x, 2 * x * y, x * x + 3 * y * y;
   return derivative;
 }
 
 // The equations of a query frame, over the frames that observe common points with it.
 template <int kSize>
 class ScoreBuilder {
-  using Coupling = Eigen::Matrix<double, kSize, NUM_INTRINSICS_PARAMETERS>;
+  using Coupling = Eigen::Matrix<double, kSize, kNumColumns>;
   using FrameColumns = Eigen::Matrix<double, Eigen::Dynamic, kSize>;
-  using Moves = Eigen::Matrix<double, Eigen::Dynamic, NUM_INTRINSICS_PARAMETERS>;
-  using ByPoint = Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 3>;
+  using Moves = Eigen::Matrix<double, Eigen::Dynamic, kNumColumns>;
+  using ByPoint = Eigen::Matrix<double, kNumColumns, 3>;
+  using PatternMatrix = Eigen::Matrix<double, kNumPatterns, kNumPatterns>;
+  using PatternFromColumns = Eigen::Matrix<double, kNumPatterns, kNumColumns>;
 
  public:
   // frame: of `posed`.
@@ -78,17 +94,17 @@ class ScoreBuilder {
       const double root_weight = Evaluate(track, problem.free[i], &error);
       if (root_weight == 0) continue;
       const Derivative derivative = NormalisedDerivative(track, problem.free[i], root_weight, error);
-      const IntrinsicsScore::Matrix information = derivative.transpose() * derivative;
-      score_.information += information;
-      score_.information.diagonal() += kRegularization * information.diagonal();
-      score_.score -= derivative.transpose() * error.error;
+      const Information information = derivative.transpose() * derivative;
+      information_ += information;
+      information_.diagonal() += kRegularization * information.diagonal();
+      score_of_columns_ -= derivative.transpose() * error.error;
       CouplingWith(frame) += error.ByFrame<kSize>() * derivative;
       by_point += derivative.transpose() * error.ByPointInWorld(state.frames[frame]);
     }
     const auto& equations = solver_.Equations();
     const ByPoint eliminated = by_point * equations.point_factors[track].inverse.transpose();
-    score_.information -= eliminated * eliminated.transpose();
-    score_.score += eliminated * equations.point_factors[track].gradient;
+    information_ -= eliminated * eliminated.transpose();
+    score_of_columns_ += eliminated * equations.point_factors[track].gradient;
     for (size_t i = range.begin; i < range.end; ++i) {
       CouplingWith(problem.free[i].frame) -= equations.eliminated[i] * eliminated.transpose();
     }
@@ -97,23 +113,27 @@ class ScoreBuilder {
   // Eliminates the poses and returns the score of the frame. tracks: those that were added.
   IntrinsicsScore Finish(const std::vector<size_t>& tracks) {
     const Eigen::LLT<Eigen::MatrixXd> factor(solver_.Cameras().EquationsOf(places_, solver_.Equations().reduced));
-    Moves coupling(kSize * places_.size(), static_cast<Eigen::Index>(NUM_INTRINSICS_PARAMETERS));
+    Moves coupling(kSize * places_.size(), static_cast<Eigen::Index>(kNumColumns));
     Eigen::VectorXd rhs(coupling.rows());
     for (size_t i = 0; i < places_.size(); ++i) {
       coupling.template middleRows<kSize>(kSize * i) = couplings_[i];
       rhs.segment<kSize>(kSize * i) = solver_.Equations().rhs.template segment<kSize>(kSize * places_[i]);
     }
     const Moves poses_from_correction = -factor.solve(coupling);
-    score_.information += coupling.transpose() * poses_from_correction;
-    score_.score += poses_from_correction.transpose() * rhs;
-    score_.frame_from_correction = poses_from_correction.template topRows<6>();
-    if (kSize > 6) score_.log_factor_from_correction = poses_from_correction.row(kSize - 1);
-    score_.component_covariances = ComponentCovariancesOfScores(poses_from_correction);
+    information_ += coupling.transpose() * poses_from_correction;
+    score_of_columns_ += poses_from_correction.transpose() * rhs;
+    constexpr int kNum = NUM_INTRINSICS_PARAMETERS;
+    score_.information = information_.template topLeftCorner<kNum, kNum>();
+    score_.score = score_of_columns_.template head<kNum>();
+    score_.frame_from_correction = poses_from_correction.template topLeftCorner<6, kNum>();
+    if (kSize > 6) score_.log_factor_from_correction = poses_from_correction.row(kSize - 1).template head<kNum>();
+    score_.component_covariances = ComponentCovariancesOfScores(poses_from_correction.template leftCols<kNum>());
     const FrameColumns columns =
         factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).leftCols<kSize>());
     SetSharedErrors(columns, poses_from_correction, tracks);
     if (solver_.Problem().frames[frame_].kind == BlockKind::POSE_AND_FOCAL_LENGTH) {
       SetEstimatedFocalLength(columns.col(kSize - 1));
+      AddCommonErrors();
     }
     return std::move(score_);
   }
@@ -170,20 +190,43 @@ class ScoreBuilder {
             score_.score.head<kNumTestedIntrinsics>());
     ClusterCovariance<kSize> of_frame;
     ClusterCovariance<NUM_INTRINSICS_PARAMETERS> of_score;
+    ClusterCovariance<kNumPatterns> of_patterns;
+    const PatternFromColumns pattern_from_columns = EliminateCorrections();
     for (const size_t track : tracks) {
       const std::optional<TrackInfluence> influence = Influence(track, columns, poses_from_correction, correction);
       if (!influence) continue;
       of_frame.Add(Cluster(tracks_[track]), influence->frame);
-      of_score.Add(Cluster(tracks_[track]), influence->score);
+      of_score.Add(Cluster(tracks_[track]), influence->score.template head<NUM_INTRINSICS_PARAMETERS>());
+      of_patterns.Add(Cluster(tracks_[track]), pattern_from_columns * influence->score);
     }
     score_.frame_shared_errors = of_frame.Excess(columns.template topRows<kSize>(), kNumClusterParameters);
     score_.shared_errors = of_score.Excess(score_.information, kNumClusterParameters);
+    const PatternMatrix information = pattern_from_columns * information_ * pattern_from_columns.transpose();
+    const PatternMatrix covariance =
+        VarianceFactor(posed_, tracks_, loss_) * information + of_patterns.Excess(information, kNumClusterParameters);
+    const Eigen::Matrix<double, kNumPatterns, 1> score = pattern_from_columns * score_of_columns_;
+    const double squares = score.dot(covariance.ldlt().solve(score));
+    common_error_factor_ = std::max((kNumExpectedPatterns + squares) / (kNumExpectedPatterns + kNumPatterns), 1.0);
   }
 
-  // What a track adds to the frame's parameters, and to the score after a correction.
+  // Returns what makes the equations of the patterns from those of all columns. A focal length that is estimated has
+  // been eliminated with the pose.
+  PatternFromColumns EliminateCorrections() const {
+    constexpr int kNum = NUM_INTRINSICS_PARAMETERS - 1;
+    PatternFromColumns pattern_from_columns = PatternFromColumns::Zero();
+    pattern_from_columns.template rightCols<kNumPatterns>().setIdentity();
+    pattern_from_columns.template middleCols<kNum>(1) =
+        -information_.template block<kNum, kNum>(1, 1)
+             .ldlt()
+             .solve(information_.template block<kNum, kNumPatterns>(1, NUM_INTRINSICS_PARAMETERS))
+             .transpose();
+    return pattern_from_columns;
+  }
+
+  // What a track adds to the frame's parameters, and to the score of all columns after a correction.
   struct TrackInfluence {
     Eigen::Matrix<double, kSize, 1> frame = Eigen::Matrix<double, kSize, 1>::Zero();
-    IntrinsicsScore::Vector score = IntrinsicsScore::Vector::Zero();
+    Eigen::Matrix<double, kNumColumns, 1> score = Eigen::Matrix<double, kNumColumns, 1>::Zero();
   };
 
   // Returns nullopt for a track with depths.
@@ -209,7 +252,7 @@ class ScoreBuilder {
       if (is_query_pose_[frame]) derivative += NormalisedDerivative(track, problem.free[i], root_weight, error);
       influence.frame -= columns.template middleRows<kSize>(place).transpose() * (by_frame * error.error);
       const Eigen::Matrix<double, 2, 3> by_point_in_world = error.ByPointInWorld(state.frames[frame]);
-      const Eigen::Vector2d change = derivative * correction;
+      const Eigen::Vector2d change = derivative.template leftCols<NUM_INTRINSICS_PARAMETERS>() * correction;
       influence.score -= derivative.transpose() * (error.error + change);
       by_point += derivative.transpose() * by_point_in_world;
       point_gradient += point.inverse * by_point_in_world.transpose() * change;
@@ -266,11 +309,20 @@ class ScoreBuilder {
     score_.frame_from_correction.col(LOG_FOCAL_FACTOR) = column.head<6>() / variance;
   }
 
+  // Adds to the errors of the score what the patterns show beyond its variances.
+  void AddCommonErrors() {
+    const IntrinsicsScore::Matrix variances = VarianceFactor(posed_, tracks_, loss_) * score_.information;
+    score_.shared_errors += (common_error_factor_ - 1) * (variances + score_.shared_errors);
+  }
+
   const BundleSolver<kSize>& solver_;
   const PosedImages& posed_;
   const std::vector<Track>& tracks_;
   const RobustLoss& loss_;
   const int frame_;  // of the problem
+  Information information_ = Information::Zero();
+  Eigen::Matrix<double, kNumColumns, 1> score_of_columns_ = Eigen::Matrix<double, kNumColumns, 1>::Zero();
+  double common_error_factor_ = 1;
   IntrinsicsScore score_;
   std::vector<bool> is_query_pose_;  // by frame of the problem: true for the poses of the query's images
   std::vector<int> places_;          // frames in the order of the equations; first, the frame in question
