@@ -108,6 +108,20 @@ TEST_P(Distortions, OfAGuessedCameraAreEstimated) {
 
 INSTANTIATE_TEST_SUITE_P(CheckIntrinsics, Distortions, testing::Values(-0.3, -0.1, 0, 0.1));
 
+// A rolling shutter whose camera turns shifts later rows to the side, which no intrinsics explain.
+TEST(CheckIntrinsics, GuessedCameraIsLessCertainIfThePhotoIsSkewed) {
+  SyntheticScene scene = MakeGuessedScene({0, *CameraModelId("RADIAL"), 1280, 960, {950, 640, 480, 0, 0}}, 0);
+  const LocalizationResult still = Localize(scene);
+  for (Eigen::Vector2d& xy : scene.problem.query_keypoints) xy.x() += 0.01 * (xy.y() - 480);
+  const LocalizationResult turned = Localize(scene);
+  ASSERT_EQ(still.status, QueryStatus::LOCALIZED) << still.reason;
+  ASSERT_EQ(turned.status, QueryStatus::LOCALIZED) << turned.reason;
+  const auto log_stddev = [](const LocalizationResult& result) {
+    return result.intrinsics.focal_factor_stddev / result.intrinsics.focal_factor;
+  };
+  EXPECT_GT(log_stddev(turned), 2 * log_stddev(still));
+}
+
 TEST(CheckIntrinsics, WrongDistortionIsNamed) {
   SyntheticScene scene = MakeScene(1, IntrinsicsOrigin::GIVEN);
   const Camera ideal = scene.problem.query_camera;
