@@ -282,6 +282,30 @@ def test_page_shows_the_answer(server, photos, jpeg):
         program.close()
 
 
+@pytest.mark.skipif(chromium_path() is None, reason="chromium is missing; scripts/setup.sh browser")
+def test_page_takes_a_photo_by_the_camera(server, photos, jpeg, tmp_path):
+    x = photos.poses[photos.query_names[0]].cam_in_world[0]
+    (tmp_path / "camera.mjpeg").write_bytes(jpeg)  # the fake camera shows it again and again
+    camera = ["--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream"]
+    camera.append(f"--use-file-for-fake-video-capture={tmp_path / 'camera.mjpeg'}")
+    with sync_playwright() as playwright:
+        program = playwright.chromium.launch(executable_path=chromium_path(), args=[*ARGUMENTS, *camera])
+        page = program.new_page()
+        page.goto(str(server.client.base_url))
+        page.get_by_role("button", name="Use the camera").click()
+        page.get_by_role("button", name="Take the photo").click()
+        page.get_by_text("Found.").wait_for(timeout=30000)
+        assert float(page.locator("#answer td").first.inner_text().split(",")[0]) == pytest.approx(x, abs=0.05)
+        assert page.locator("#view").is_hidden()
+        program.close()
+        program = playwright.chromium.launch(executable_path=chromium_path(), args=ARGUMENTS)  # no camera
+        page = program.new_page()
+        page.goto(str(server.client.base_url))
+        page.get_by_role("button", name="Use the camera").click()
+        page.get_by_text("The camera cannot be used").wait_for(timeout=30000)
+        program.close()
+
+
 def test_metrics_can_be_parsed(server, jpeg):
     server.localize(jpeg)
     server.client.get("/none%22%0A")
