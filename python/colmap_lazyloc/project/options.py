@@ -92,8 +92,8 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         nargs="+",
         type=pathlib.Path,
         metavar="FILE",
-        help="surveyed points that are marked in photos: the files of `lazyloc control_points`. Without --poses, those "
-        "in database images give the model the coordinates of the points",
+        help="surveyed points that are marked in photos: the files of `lazyloc control_points`. Without --poses, "
+        "marks in database images give the model the coordinates of the points",
     )
     of_poses(
         "--use_control_points",
@@ -101,8 +101,8 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         type=_positive,
         const=POINT_STDDEV_M,
         metavar="STDDEV",
-        help="with --epoch: place the new photos by --control_points, too; the standard deviation of the points' "
-        f"coordinates may follow, in the unit of the model (default: {POINT_STDDEV_M:g})",
+        help="with --epoch: place the new photos in the frame of --control_points; STDDEV is the standard deviation of "
+        f"the points' coordinates, in the unit of the model (default: {POINT_STDDEV_M:g})",
     )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
