@@ -1,7 +1,9 @@
 """Tests of `colmap lazy_epoch`: new photos are adjusted together, and the database images keep every bit."""
 
+import contextlib
 import json
 import shutil
+import sqlite3
 import subprocess
 
 import numpy as np
@@ -149,6 +151,20 @@ def test_wrong_mark_is_named(start, localized, files, tmp_path):
     done = start(localized.output_path, tmp_path / "output", "--control_points_path", path)
     named = [line for line in done.stderr.splitlines() if line.startswith("WARNING: ")]
     assert len(named) == 1 and "'GCP 0' in query/003.jpg is left out" in named[0], done.stderr
+
+
+def test_marks_count_in_database_images_without_matches(start, localized, files, tmp_path):
+    name = sorted(read_model(files.model_path).images)[0]
+    shutil.copy(files.database_path, tmp_path / "database.db")
+    with contextlib.closing(sqlite3.connect(tmp_path / "database.db")) as database, database:
+        database.execute("DELETE FROM images WHERE name = ?", (name,))
+    path = write_control_points(files, tmp_path / "points.txt")
+    lines = path.read_text().splitlines()
+    lines = [f"mark {name} 5 5" if line.startswith(f"mark {name} ") else line for line in lines]
+    path.write_text("\n".join(lines))
+    options = {"database_path": tmp_path / "database.db"}
+    done = start(localized.output_path, tmp_path / "output", "--control_points_path", path, **options)
+    assert done.returncode == 0 and done.stderr.count(f"in {name} is left out") == 6, done.stderr
 
 
 @pytest.mark.parametrize(

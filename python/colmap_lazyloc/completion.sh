@@ -15,7 +15,7 @@ _lazyloc_names() {
     return
   fi
   [[ "$program $command" != *lazy_localizer* ]] || help=--help-all
-  if [[ $word == -* || $previous != --* ]]; then
+  if [[ $word == -* || $previous != --* || $previous == *=* ]]; then
     "$program" ${command:+"$command"} "$help" 2>&1 | sed -nE 's/^ +(-h \[ )?(--[A-Za-z0-9_.-]+).*/\2/p'
   else
     "$program" ${command:+"$command"} "$help" 2>&1 | sed -nE "s/^ +$previous \[?\{([^}]+)\}.*/\1/p" | tr , '\n'

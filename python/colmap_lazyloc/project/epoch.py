@@ -44,6 +44,9 @@ class Survey:
         if found.ambiguous:
             raise InputError(f"--control_points: {next(iter(found.ambiguous.values()))}")
         images_of = {names[index]: image for index, image in found.photos.items()}
+        twice = [pair for pair, count in Counter((m.point, m.photo) for m in self.points.marks).items() if count > 1]
+        if twice:
+            raise InputError(f"--control_points: '{twice[0][0]}' is marked twice in '{twice[0][1]}'")
         lines = []
         for point, place in places.items():
             marks = [mark for mark in self.points.marks if mark.point == point and mark.photo in images_of]
@@ -85,6 +88,7 @@ def adjust_epoch(
     words: list[object] = [*command_line(str(project.colmap) if is_ours else None, "lazy_epoch")]
     words += ["--database_path", matches, "--input_path", folder.model, "--localized_path", folder.localized]
     words += ["--output_path", folder.epoch, "--LazyEpoch.with_database", int(with_database)]
+    (folder.epoch / CONTROL_POINTS).unlink(missing_ok=True)
     if lines:
         (folder.epoch / CONTROL_POINTS).write_text("\n".join([*lines, ""]), encoding="utf-8")
         words += ["--control_points_path", folder.epoch / CONTROL_POINTS]

@@ -301,11 +301,12 @@ def _check_metres(options: argparse.Namespace) -> None:
     if options.control_points is not None:
         importlib.import_module("colmap_lazyloc.control_points")  # says which packages it lacks
         given = next((name for name in ("poses", "positions", "scale") if getattr(options, name) is not None), None)
-        if given is not None and options.use_control_points is None:
+        if given is not None and (options.use_control_points is None or given == "scale"):
             name = "poses" if given == "positions" else given
             raise InputError(
                 f"--control_points has no effect with --{name}: compare with the points after the run (lazyloc "
-                "control_points), or place new photos by them (--epoch --use_control_points)"
+                "control_points)"
+                + ("" if given == "scale" else ", or place new photos by them (--epoch --use_control_points)")
             )
         if DATABASE in panorama_roles(options):
             raise InputError("--control_points has no effect on panoramas")

@@ -208,8 +208,10 @@ void CountPhotos(const std::vector<EpochPhoto>& photos, std::vector<EpochCamera>
 void ReportControlPoints(const std::vector<ControlPoint>& control, const EpochScene& epoch, const ControlMarks& marks,
                          const std::function<void(const std::string&)>& report) {
   for (const WrongMark& wrong : marks.wrong) {
-    report(Format("WARNING: the mark of control point '%s' in %s is left out, because it is off by %.0f px",
-                  control[wrong.control_point].name.c_str(), epoch.names[wrong.image].c_str(), wrong.error_px));
+    const std::string why = std::isfinite(wrong.error_px) ? Format("it is off by %.0f px", wrong.error_px)
+                                                          : "the point is behind the image";
+    report(Format("WARNING: the mark of control point '%s' in %s is left out, because %s",
+                  control[wrong.control_point].name.c_str(), epoch.names[wrong.image].c_str(), why.c_str()));
   }
   Eigen::Vector3d squares = Eigen::Vector3d::Zero();
   int num_points = 0, num_marks = 0;
@@ -225,7 +227,11 @@ void ReportControlPoints(const std::vector<ControlPoint>& control, const EpochSc
       squares_px += error_px * error_px;
     }
   }
-  const Eigen::Vector3d rms = (squares / std::max(num_points, 1)).cwiseSqrt();
+  if (num_points == 0) {
+    report("WARNING: no control point could be used: the survey does not place the new photos");
+    return;
+  }
+  const Eigen::Vector3d rms = (squares / num_points).cwiseSqrt();
   report(Format("%d control points: off by %.4f %.4f %.4f (root mean square), and by %.2f px at %d marks in new photos",
                 num_points, rms.x(), rms.y(), rms.z(), std::sqrt(squares_px / std::max(num_marks, 1)), num_marks));
 }

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/epoch/epoch_scene.h"
 
 #include <algorithm>
+#include <set>
 
 #include "colmap_lazyloc/scene/equirectangular.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -75,14 +76,17 @@ const Matches& EpochSceneBuilder::MatchesOf(const Ids& ids) {
 int EpochSceneBuilder::AddDatabaseImage(uint32_t id, EpochScene* epoch) {
   const auto [image, is_new] = epoch->image_of_id.emplace(id, static_cast<int>(epoch->scene.images.size()));
   if (!is_new) return image->second;
-  const ModelImage& posed = *posed_of_id_.at(id);
+  return AddModelImage(*posed_of_id_.at(id), KeypointsOf(id), epoch);
+}
+
+int EpochSceneBuilder::AddModelImage(const ModelImage& posed, const std::vector<Eigen::Vector2d>& keypoints,
+                                     EpochScene* epoch) const {
   const auto [camera, is_new_camera] =
       epoch->camera_of_model.emplace(posed.camera_id, static_cast<int>(epoch->scene.cameras.size()));
   if (is_new_camera) epoch->scene.cameras.push_back({model_.cameras.at(posed.camera_id), true});
   epoch->names.push_back(posed.name);
-  epoch->scene.images.push_back(
-      {camera->second, RelativeTo(epoch->origin, posed.cam_from_world), true, 1, KeypointsOf(id)});
-  return image->second;
+  epoch->scene.images.push_back({camera->second, RelativeTo(epoch->origin, posed.cam_from_world), true, 1, keypoints});
+  return static_cast<int>(epoch->scene.images.size()) - 1;
 }
 
 EpochScene EpochSceneBuilder::Build(const std::vector<EpochPhoto>& photos, const std::vector<EpochCamera>& cameras) {
@@ -117,14 +121,14 @@ void EpochSceneBuilder::AddControlPoints(const std::vector<ControlPoint>& contro
                                          EpochScene* epoch) {
   std::map<std::string, int> image_of_name;
   for (size_t i = 0; i < epoch->names.size(); ++i) image_of_name.emplace(epoch->names[i], static_cast<int>(i));
-  for (const auto& [id, posed] : posed_of_id_) {
-    const auto has_mark = [&name = posed->name](const ControlPoint& point) {
-      return std::any_of(point.marks.begin(), point.marks.end(),
-                         [&](const ControlMark& mark) { return mark.image_name == name; });
-    };
-    if (std::any_of(control.begin(), control.end(), has_mark)) {
-      image_of_name.emplace(posed->name, AddDatabaseImage(id, epoch));
-    }
+  std::set<std::string> marked;
+  for (const ControlPoint& point : control) {
+    for (const ControlMark& mark : point.marks) marked.insert(mark.image_name);
+  }
+  for (const ModelImage& posed : model_.images) {
+    if (marked.count(posed.name) == 0 || image_of_name.count(posed.name) > 0) continue;
+    if (IsEquirectangular(model_.cameras.at(posed.camera_id))) continue;
+    image_of_name.emplace(posed.name, AddModelImage(posed, {}, epoch));  // that no match connects with the photos
   }
   for (const ControlPoint& point : control) {
     JointPoint joint;

@@ -42,6 +42,7 @@ class EpochSceneBuilder {
   const std::vector<Eigen::Vector2d>& KeypointsOf(uint32_t image_id);
   // Adds a database image unless the scene has it. Returns its index.
   int AddDatabaseImage(uint32_t id, EpochScene* epoch);
+  int AddModelImage(const ModelImage& posed, const std::vector<Eigen::Vector2d>& keypoints, EpochScene* epoch) const;
 
   const Model& model_;
   const DatabaseReader& database_;

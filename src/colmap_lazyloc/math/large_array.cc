@@ -1,9 +1,9 @@
 #include "colmap_lazyloc/math/large_array.h"
 
 #include <cstdlib>
-#include <deque>
 #include <mutex>
 #include <new>
+#include <vector>
 
 #if defined(__linux__)
 #include <sys/mman.h>
@@ -13,12 +13,14 @@ namespace lazyloc {
 namespace {
 
 constexpr size_t kPage = 2 << 20;
-// Of two photos with 2 megapixels that are localized at a time. More would stay in use by programs that only wait.
+// Enough for two photos of 2 megapixels at a time. More memory would stay in use by programs that only wait.
 constexpr size_t kMaxNumKeptPages = 192;
 
 // Keeps released memory for the next array of about the same size.
 class KeptMemory {
  public:
+  KeptMemory() { blocks_.reserve(kMaxNumKeptPages + 1); }
+
   // Returns null if nothing fits.
   void* Take(size_t* num_pages) {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -34,13 +36,19 @@ class KeptMemory {
   }
 
   void Keep(void* memory, size_t num_pages) {
+    if (num_pages > kMaxNumKeptPages) {
+      std::free(memory);
+      return;
+    }
     const std::lock_guard<std::mutex> lock(mutex_);
     blocks_.push_back({memory, num_pages});
     num_pages_ += num_pages;
-    for (; num_pages_ > kMaxNumKeptPages; blocks_.pop_front()) {
-      num_pages_ -= blocks_.front().num_pages;
-      std::free(blocks_.front().memory);
-    }
+    while (num_pages_ > kMaxNumKeptPages) FreeOldest();
+  }
+
+  void FreeAll() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    while (!blocks_.empty()) FreeOldest();
   }
 
  private:
@@ -49,9 +57,15 @@ class KeptMemory {
     size_t num_pages;
   };
 
+  void FreeOldest() {
+    num_pages_ -= blocks_.front().num_pages;
+    std::free(blocks_.front().memory);
+    blocks_.erase(blocks_.begin());
+  }
+
   std::mutex mutex_;
-  std::deque<Block> blocks_;  // the oldest first
-  size_t num_pages_ = 0;      // of all blocks
+  std::vector<Block> blocks_;  // the oldest first; each has a page or more, so that it never grows
+  size_t num_pages_ = 0;       // of all blocks
 };
 
 KeptMemory& Kept() {
@@ -76,6 +90,10 @@ LargeArray AllocateLargeArray(size_t size) {
   void* memory = num_pages == 0 ? std::malloc(size * sizeof(float) + 1) : Kept().Take(&num_pages);
   if (memory == nullptr && num_pages > 0) {
     memory = std::aligned_alloc(kPage, num_pages * kPage);
+    if (memory == nullptr) {
+      Kept().FreeAll();
+      memory = std::aligned_alloc(kPage, num_pages * kPage);
+    }
 #if defined(__linux__)
     // A request; the array is right without, too.
     if (memory != nullptr) madvise(memory, num_pages * kPage, MADV_HUGEPAGE);

@@ -206,7 +206,7 @@ class ScoreBuilder {
         VarianceFactor(posed_, tracks_, loss_) * information + of_patterns.Excess(information, kNumClusterParameters);
     const Eigen::Matrix<double, kNumPatterns, 1> score = pattern_from_columns * score_of_columns_;
     const double squares = score.dot(covariance.ldlt().solve(score));
-    common_error_factor_ = std::max((kNumExpectedPatterns + squares) / (kNumExpectedPatterns + kNumPatterns), 1.0);
+    common_error_factor_ = std::max(1.0, (kNumExpectedPatterns + squares) / (kNumExpectedPatterns + kNumPatterns));
   }
 
   // Returns what makes the equations of the patterns from those of all columns. A focal length that is estimated has
