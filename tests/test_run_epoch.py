@@ -98,10 +98,13 @@ def test_control_points_place_new_photos(colmap, photos, monkeypatch, tmp_path, 
     assert run(photos, tmp_path / "out", "--epoch", *files, "--use_control_points", "0.5") == 0
     lines = (tmp_path / "out/epoch/control_points.txt").read_text().splitlines()
     assert lines[0].startswith("point P0 ") and lines[0].endswith(" 0.5 0.5 0.5") and "mark query/" in lines[1]
-    (tmp_path / "marks.csv").write_text("\n".join([*marks, marks[1]]))
+    (tmp_path / "marks.csv").write_text("\n".join([*marks, marks[1], "nowhere.jpg,P0,1,2"]))
     capsys.readouterr()
     assert run(photos, tmp_path / "out", "--epoch", *files, "--use_control_points", "0.5") == 1
     assert "--control_points: 'P0' is marked twice in" in capsys.readouterr().err
+    (tmp_path / "marks.csv").write_text("\n".join([*marks, "nowhere.jpg,P0,1,2"]))
+    assert run(photos, tmp_path / "out", "--epoch", *files, "--use_control_points", "0.4") == 0
+    assert "--control_points: no photo of this run is nowhere.jpg" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("role", ["queries", "all"])

@@ -10,7 +10,7 @@ import numpy as np
 
 from colmap_lazyloc.cluster.task import command_line
 from colmap_lazyloc.database import DatabaseReader, copy_database, set_cameras
-from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.control_points import ControlPoints
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
@@ -47,6 +47,9 @@ class Survey:
         twice = [pair for pair, count in Counter((m.point, m.photo) for m in self.points.marks).items() if count > 1]
         if twice:
             raise InputError(f"--control_points: '{twice[0][0]}' is marked twice in '{twice[0][1]}'")
+        missing = [name for index, name in enumerate(names) if index not in found.photos]
+        if missing:
+            logger.warning("--control_points: no photo of this run is %s", first_names(missing, 3))
         lines = []
         for point, place in places.items():
             marks = [mark for mark in self.points.marks if mark.point == point and mark.photo in images_of]

@@ -71,9 +71,9 @@ void ForEachBasicOption(EpochCommandOptions& o, const Add& add) {
   add("localized_path", &o.localized_path, "Output folder of colmap lazy_localizer for the new photos");
   add("output_path", &o.output_path, "Folder for the results, in the files of colmap lazy_localizer");
   add("control_points_path", &o.control_points_path,
-      "Surveyed points with marks in new photos and in database images, in whose frame the new photos are then; lines "
-      "`point NAME x y z stddev_x stddev_y stddev_z`, each with lines `mark IMAGE x y` below; default: the frame is "
-      "the one that the database images have");
+      "Text file of surveyed points and their marks in new photos and database images; the new photos are then in the "
+      "frame of the points. Lines `point NAME x y z stddev_x stddev_y stddev_z`, each followed by lines `mark IMAGE x "
+      "y`; default: the frame of the database images");
   add("LazyEpoch.mark_stddev_px", &o.epoch.mark_stddev_px,
       "Standard deviation of a mark of a control point per coordinate, in pixels");
   add("LazyEpoch.with_database", &o.with_database,
