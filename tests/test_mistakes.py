@@ -100,7 +100,7 @@ def test_mistakes_of_run(typed, changed, message):
         ("--control_points notes.txt", "notes.txt: has no row with the names of its columns"),
         (
             "--scale a:1,1 b:1,1 2 --control_points notes.txt --use_control_points 0.02 --epoch new",
-            "--control_points has no effect with --scale: compare with the points after the run (lazyloc control_points)",
+            "--control_points has no effect with --scale: compare with the points after the run (lazyloc ",
         ),
         ("--scale a.png b.png", "--scale: expected 3 arguments"),
         ("--scale a.png z.png 4.2", "--scale z.png: is not in --database_images; the nearest is b.png"),
