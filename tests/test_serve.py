@@ -430,14 +430,20 @@ def test_tokens(photos, jpeg, tmp_path):
         assert "HTTPBearer" in json.dumps(server.client.get("/openapi.json").json()["paths"]["/localize"])
 
 
-def test_sigterm_lets_requests_end(photos, jpeg):
-    """Photos that run, wait or still arrive are answered; new connections are refused."""
-    server = Server(photos, num_threads=1)
-    connections = [server.connect() for _ in range(4)]
+def send_beginnings(server, jpeg, count):
+    """Sends the first 500 bytes of the photo on each of `count` connections, and waits until the service has them."""
+    connections = [server.connect() for _ in range(count)]
     for connection in connections:
         connection.sendall(b"POST /localize HTTP/1.1\r\nHost: x\r\nContent-Length: %d\r\n\r\n" % len(jpeg))
         connection.sendall(jpeg[:500])
-    server.wait_until("lazyloc_received_bytes", 4 * 500)
+    server.wait_until("lazyloc_received_bytes", count * 500)
+    return connections
+
+
+def test_sigterm_lets_requests_end(photos, jpeg):
+    """Photos that run, wait or still arrive are answered; new connections are refused."""
+    server = Server(photos, num_threads=1)
+    connections = send_beginnings(server, jpeg, 4)
     server.client.close()
     for connection in connections[:2]:
         connection.sendall(jpeg[500:])
@@ -460,11 +466,7 @@ def test_sigterm_lets_requests_end(photos, jpeg):
 def test_crash_ends_requests_at_once_and_a_new_start_answers(photos, jpeg):
     """As systemd and docker start it again: on the same port, while connections of before are still known."""
     server = Server(photos, num_threads=1)
-    connections = [server.connect() for _ in range(3)]
-    for connection in connections:
-        connection.sendall(b"POST /localize HTTP/1.1\r\nHost: x\r\nContent-Length: %d\r\n\r\n" % len(jpeg))
-        connection.sendall(jpeg[:500])
-    server.wait_until("lazyloc_received_bytes", 3 * 500)
+    connections = send_beginnings(server, jpeg, 3)
     server.process.send_signal(signal.SIGSEGV)
     for connection in connections:
         with connection, contextlib.suppress(ConnectionResetError):
