@@ -12,6 +12,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 #include <ceres/rotation.h>
 #include <colmap/sensor/models.h>
 
@@ -129,17 +130,6 @@ class PriorCost : public ceres::CostFunction {
  private:
   int coordinate_;
   Eigen::MatrixXd root_;
-};
-
-// The deviation of a control point from its survey, in standard deviations.
-struct SurveyCost {
-  Survey survey;
-
-  template <typename T>
-  bool operator()(const T* point_in_world, T* deviation) const {
-    for (int k = 0; k < 3; ++k) deviation[k] = (point_in_world[k] - survey.place[k]) / survey.stddevs[k];
-    return true;
-  }
 };
 
 Pose ToArray(const Rigid3d& pose) {
@@ -268,8 +258,8 @@ class JointSolver {
     for (size_t i = 0; i < points_.size(); ++i) {
       const std::optional<Survey>& survey = scene_.points[i].survey;
       if (!survey || !problem_.HasParameterBlock(points_[i].data())) continue;
-      problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<SurveyCost, 3, 3>(new SurveyCost{*survey}), nullptr,
-                                points_[i].data());
+      const Eigen::Matrix3d root_precision = survey->stddevs.cwiseInverse().asDiagonal();
+      problem_.AddResidualBlock(new ceres::NormalPrior(root_precision, survey->place), nullptr, points_[i].data());
       num_survey_errors_ += 3;
     }
   }
