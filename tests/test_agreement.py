@@ -22,6 +22,7 @@ from colmap_lazyloc.agreement import relative
 from colmap_lazyloc.agreement.check import describe, judge
 from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.explain import EXACT_PX, Fit
+from colmap_lazyloc.agreement.own_cameras import own_cameras
 from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.agreement.turned import images_of_second_poses
@@ -298,6 +299,24 @@ def test_images_without_pairs_are_named_as_not_compared(scene):
     images += [dataclasses.replace(images[0], name=f"alone_{index}.jpg") for index in range(5)]
     line = judge(scene.pairs, images, COLMAP, is_metric=True).line
     assert line.endswith("; not compared: image_038.jpg, alone_0.jpg, alone_1.jpg and 3 more")
+
+
+def test_camera_for_each_image_is_named(scene):
+    def images_with(focal_lengths, offset_px=0.0):
+        cameras = [Camera("SIMPLE_RADIAL", 640, 480, (f, 320.0 + offset_px, 240.0, 0.0)) for f in focal_lengths]
+        return [PosedImage(n, camera, Pose.from_centre(*pose)) for n, camera, *pose in zip(
+            scene.names, cameras, scene.poses.rotations, scene.poses.centres)]  # fmt: skip
+
+    random = np.random.default_rng(0)
+    ours = (FOCAL_PX * np.exp(random.normal(0, 0.005, len(scene.names)))).tolist()
+    own = images_with(ours)
+    assert own_cameras(own).startswith("each of the 40 images has a camera of its own (half of their focal lengths are")
+    assert judge(scene.pairs, own, COLMAP, is_metric=True).lines()[-1] == own_cameras(own)
+    one_camera, many_cameras = [FOCAL_PX] * 40, (FOCAL_PX * np.exp(random.normal(0, 0.5, 40))).tolist()
+    measured_by_device = images_with(ours, offset_px=3.0)
+    others = [*map(images_with, (one_camera, many_cameras, ours[:4], [*ours[1:], ours[1]])), measured_by_device]
+    assert [own_cameras(images) for images in others] == [""] * 5
+    assert len(judge(scene.pairs, others[0], COLMAP, is_metric=True).lines()) == 1
 
 
 def test_pairs_that_no_image_explains_are_named(scene):

@@ -11,6 +11,7 @@ import numpy as np
 
 from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.explain import AGREEING_PX, MAX_ROTATION_DEG, MOVED_PX, Explanation, explain
+from colmap_lazyloc.agreement.own_cameras import own_cameras
 from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, MatchedPair, pairs_of_database
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.array_types import Floats
@@ -35,20 +36,20 @@ def add_accept_option(add: Callable[..., Any]) -> None:
 @dataclasses.dataclass(frozen=True)
 class Judgement:
     """What photos show about poses: in a line, whether the poses are not what they are said to be, the options of
-    `lazyloc import` that mend them (empty if there are none), and the names of images whose poses contradict those of
-    the others."""
+    `lazyloc import` that mend them (empty if there are none), the names of images whose poses contradict those of the
+    others, and what makes the poses inexact (empty if nothing is known to)."""
 
     line: str
     is_wrong: bool
     options: str
     contradicted: list[str]
+    advice: str
 
     def lines(self) -> list[str]:
-        """Returns the line, and one that names images, if there are any."""
-        if not self.contradicted:
-            return [self.line]
+        """Returns the line, one that names images, if there are any, and the advice."""
         names = first_names(self.contradicted, MAX_NUM_NAMED)
-        return [self.line, f"but these contradict the others, by their poses or by wrong matches: {names}"]
+        named = f"but these contradict the others, by their poses or by wrong matches: {names}"
+        return [self.line, *([named] if names else []), *filter(None, [self.advice])]
 
 
 def check_photos(
@@ -115,7 +116,8 @@ def judge(
     remedy = "" if explanation.reading is None else explanation.reading.remedy
     options = remedy.removeprefix("give ")
     options = options if re.fullmatch(r"(--\w+ \w+ ?)+", options) else ""
-    return Judgement(line, is_wrong, options, [images[index].name for index in contradicted])
+    advice = "" if is_wrong else own_cameras(images)
+    return Judgement(line, is_wrong, options, [images[index].name for index in contradicted], advice)
 
 
 def _unexplained(

@@ -5,6 +5,7 @@ from typing import TypedDict
 import numpy as np
 
 from colmap_lazyloc.agreement.check import NEEDED, judge_database
+from colmap_lazyloc.agreement.own_cameras import own_cameras
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.extras import is_installed
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
@@ -47,7 +48,15 @@ MIN_FAILURE_SHARE = 0.1  # of the queries that fail in the same way
 
 def find_warnings(run: Run, size: float, database: DatabaseReader | None, gaps: Gaps) -> list[ReportWarning]:
     """Returns the warnings that have items; `size`: that of the scene."""
-    finders = (_wrong, _contradicting_images, _contradicted_intrinsics, _rig_errors, _near_threshold, _failures)
+    finders = (
+        _wrong,
+        _contradicting_images,
+        _own_cameras,
+        _contradicted_intrinsics,
+        _rig_errors,
+        _near_threshold,
+        _failures,
+    )
     found = [
         _changes(run),
         _contradicted_poses(run, database),
@@ -88,10 +97,8 @@ def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str,
     explanation = "Their matches with other database images do not fit their poses."
     if database is None or not all(map(is_installed, NEEDED)):
         return title, explanation, []
-    cameras = run.database.cameras
-    images = [PosedImage(image.name, cameras[image.camera_id], image.pose) for image in run.database_images]
     try:
-        found = judge_database(database, images, run.unit == METRE)
+        found = judge_database(database, _posed_images(run), run.unit == METRE)
     except BAD_RECORD:
         found = None
     if found is None:
@@ -99,6 +106,17 @@ def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str,
     if found.is_wrong:
         return title, explanation, [_item("all images", -1, found.line)]
     return title, explanation, [_item(name, -1, "contradicts the others") for name in found.contradicted]
+
+
+def _posed_images(run: Run) -> list[PosedImage]:
+    cameras = run.database.cameras
+    return [PosedImage(image.name, cameras[image.camera_id], image.pose) for image in run.database_images]
+
+
+def _own_cameras(run: Run) -> tuple[str, str, list[Item]]:
+    line = own_cameras(_posed_images(run))
+    items = [_item("all images", -1, line)] if line else []
+    return "Database poses are less accurate than they could be", "Queries have the same errors.", items
 
 
 def _wrong(run: Run) -> tuple[str, str, list[Item]]:
