@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <set>
 #include <utility>
+#include <vector>
 
 #include <Eigen/LU>
 
@@ -20,6 +23,9 @@ namespace {
 // of a wall that are taken from the front.
 constexpr double kMaxLogFocalStddev = 0.1;
 constexpr double kMinFocalFactor = 0.5 / kMaxFocalFactor;
+
+// Standard deviation of the logs of the database's focal lengths above which its cameras had different lenses.
+constexpr double kMaxStddevOfOneLens = 0.15;
 
 using PoseDerivatives = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 
@@ -44,6 +50,21 @@ IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const Intrin
   estimate.log_focal_factor = score.score[LOG_FOCAL_FACTOR] / information;
   estimate.log_focal_stddev = std::sqrt(score_covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR)) / information;
   return estimate;
+}
+
+// Returns the variance that errors of the database images' focal lengths add to that of the log of an estimated one, if
+// each image has a camera of its own: that of their mean, because they show how well a photo of this scene determines
+// its focal length, and the poses of the database images have these errors.
+double VarianceByDatabase(const std::vector<ImagePair>& pairs) {
+  std::set<double> logs;
+  for (const ImagePair& pair : pairs) logs.insert(std::log(MeanFocalLength(pair.other_camera)));
+  const double num = static_cast<double>(logs.size());
+  if (logs.size() < std::max<size_t>(pairs.size(), 2)) return 0;
+  const double mean = std::accumulate(logs.begin(), logs.end(), 0.0) / num;
+  double sum_of_squares = 0;
+  for (const double log : logs) sum_of_squares += std::pow(log - mean, 2);
+  const double variance = sum_of_squares / (num - 1);
+  return variance < std::pow(kMaxStddevOfOneLens, 2) ? variance / num : 0;
 }
 
 // Returns the derivatives of an image's pose around the camera by those of its frame around the layout's origin.
@@ -94,7 +115,8 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       }
       // An estimated focal length moves with them.
       const auto log_focal_by_others = score.log_factor_from_correction.tail<kNumOtherCorrections>();
-      const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) +
+      const double variance_by_database = camera ? VarianceByDatabase(problem.pairs) : 0;
+      const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) + variance_by_database +
                                                 log_focal_by_others.dot(mean_square * log_focal_by_others));
       if (camera && (log_focal_stddev > kMaxLogFocalStddev || result.focal_factor < kMinFocalFactor)) {
         throw Failure{QueryStatus::UNKNOWN_CAMERA, kUnknownFocalLengthReason};
@@ -102,6 +124,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       result.focal_factor_stddev = result.focal_factor * log_focal_stddev;
       pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
       pose.log_focal_variance = JudgeIntrinsics(problem.query_camera, estimate, camera.has_value(), options, &result);
+      pose.log_focal_variance += variance_by_database;
     }
   }
   return checked;

@@ -122,6 +122,30 @@ TEST(CheckIntrinsics, GuessedCameraIsLessCertainIfThePhotoIsSkewed) {
   EXPECT_GT(log_stddev(turned), 2 * log_stddev(still));
 }
 
+TEST(CheckIntrinsics, GuessedCameraIsLessCertainIfEachDatabaseImageHasAnEstimateOfItsOwn) {
+  // Gives each image a focal length of its own, and keeps the rays. stddev: of their logs.
+  const auto log_focal_stddev = [](double stddev) {
+    SyntheticScene scene = MakeGuessedScene({0, *CameraModelId("RADIAL"), 1280, 960, {950, 640, 480, 0, 0}}, 0);
+    const double count = static_cast<double>(scene.problem.pairs.size());
+    double place = -(count - 1) / 2;
+    for (ImagePair& pair : scene.problem.pairs) {
+      const double log_factor = place++ / std::sqrt((count * count + count) / 12) * stddev;
+      const Camera before = pair.other_camera;
+      pair.other_camera = WithFocalFactor(before, std::exp(log_factor));
+      for (Eigen::Vector2d& xy : pair.other_keypoints) {
+        xy = *ImageFromCam(pair.other_camera, *RaysInCam(before)(xy));
+      }
+    }
+    const LocalizationResult result = Localize(scene);
+    EXPECT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+    return std::pair(result.intrinsics.focal_factor_stddev / result.intrinsics.focal_factor, count);
+  };
+  const auto [of_one_camera, count] = log_focal_stddev(0);
+  const double stddev = 0.02;
+  EXPECT_NEAR(log_focal_stddev(stddev).first, std::hypot(of_one_camera, stddev / std::sqrt(count)), of_one_camera / 10);
+  EXPECT_NEAR(log_focal_stddev(0.2).first, of_one_camera, of_one_camera / 10) << "cameras with different lenses";
+}
+
 TEST(CheckIntrinsics, WrongDistortionIsNamed) {
   SyntheticScene scene = MakeScene(1, IntrinsicsOrigin::GIVEN);
   const Camera ideal = scene.problem.query_camera;
