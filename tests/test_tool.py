@@ -75,6 +75,14 @@ def test_bad_options_end_with_exit_code_1(words, message, capsys, tmp_path, monk
     assert not list(tmp_path.iterdir())
 
 
+def test_endless_word_of_a_damaged_file_is_shortened(capsys, tmp_path):
+    (tmp_path / "cameras.txt").write_text(f"1 PINHOLE 640 480 {'5' * 100_000}x 500 320 240\n")
+    (tmp_path / "images.txt").write_text("")
+    assert tool.main(["import", "colmap", str(tmp_path), "--output_path", str(tmp_path / "model")]) == 1
+    error = capsys.readouterr().err
+    assert "cameras.txt:1: " in error and "5...5555" in error and len(error) < 300
+
+
 @pytest.mark.parametrize(
     ("words", "missing", "extra"),
     [

@@ -105,10 +105,10 @@ def _logging_to_stderr(program: str) -> Iterator[None]:
 
 
 class _Formatter(logging.Formatter):
-    """Escapes control characters, because a name from a damaged file may hold a newline."""
+    """Escapes control characters, because a name from a damaged file may hold a newline, and shortens endless words."""
 
     def format(self, record: logging.LogRecord) -> str:
-        text = super().format(record)
+        text = re.sub(r"\S{1001,}", lambda word: f"{word[0][:50]}...{word[0][-10:]}", super().format(record))
         return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
 
 

@@ -6,6 +6,14 @@
 #include <boost/locale/utf.hpp>
 
 namespace lazyloc {
+namespace {
+
+std::string Shortened(const std::string& word) {
+  if (word.size() <= 1000) return word;
+  return word.substr(0, 50) + "..." + word.substr(word.size() - 10);
+}
+
+}  // namespace
 
 std::string Format(const char* format, ...) {
   std::va_list values, again;
@@ -19,18 +27,21 @@ std::string Format(const char* format, ...) {
 }
 
 std::string AsOneLine(const std::string& text) {
-  std::string line;
+  std::string line, word;
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     if (c == '\n') {
-      line += "\\n";
+      word += "\\n";
     } else if (byte < ' ' || byte == 0x7f) {
-      line += Format("\\x%02x", byte);
+      word += Format("\\x%02x", byte);
+    } else if (c == ' ') {
+      line += Shortened(word) + c;
+      word.clear();
     } else {
-      line += c;
+      word += c;
     }
   }
-  return line;
+  return line + Shortened(word);
 }
 
 std::string ValidUtf8(std::string_view text) {

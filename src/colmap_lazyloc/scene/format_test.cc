@@ -11,6 +11,13 @@ TEST(Format, WritesValuesOfAnyLength) {
   EXPECT_EQ(Format("none"), "none");
 }
 
+TEST(AsOneLine, EscapesControlCharactersAndShortensEndlessWords) {
+  EXPECT_EQ(AsOneLine("a name\nof a\x01 file"), "a name\\nof a\\x01 file");
+  const std::string name(900, 'n'), value(100'000, '9');
+  EXPECT_EQ(AsOneLine(name + ": '" + value + "x' is no number"),
+            name + ": '" + value.substr(0, 49) + "...99999999x' is no number");
+}
+
 TEST(ValidUtf8, KeepsUtf8) {
   for (const std::string text : {"", "query/00.jpg", "Fu\xC3\x9Fg\xC3\xA4nger", "\xE6\x97\xA5\xED\x9F\xBF",
                                  "\xF0\x9F\x93\xB7", "\xF4\x8F\xBF\xBF", "back\\slash"}) {
