@@ -2,7 +2,8 @@
 """Makes documents from the program's help, which is made from the list of options.
 
 scripts/python.sh scripts/help_pages.py tables build/bin/colmap         # tables of docs/command_line.md
-scripts/python.sh scripts/help_pages.py man build/bin/colmap FOLDER     # man pages of the Debian package
+scripts/python.sh scripts/help_pages.py man build/bin/colmap FOLDER     # man pages of the Debian packages
+scripts/python.sh scripts/help_pages.py wheel build/bin/colmap FOLDER   # man pages of the wheel
 """
 
 import argparse
@@ -49,7 +50,7 @@ def read_help(program: pathlib.Path, command: str) -> Help:
     is_localizer = command == "lazy_localizer"
     text = run(program, command, "--help-all" if is_localizer else "--help")
     purpose = text.splitlines()[0].partition(": ")[2].rstrip(".")
-    text = re.sub(r" *\n {40}", " ", text)
+    text = re.sub(r" *\n {20,}", " ", text)
     parts = zip(("Options", "Advanced options"), text.split("\nAdvanced options:\n"))
     return Help(purpose, {title: [read_option(*found) for found in find_options(part)] for title, part in parts})
 
@@ -95,9 +96,9 @@ def escape(text: str) -> str:
     return re.sub(r"^([.'])", r"\&\1", text, flags=re.MULTILINE)
 
 
-def make_page(name: str, purpose: str, synopsis: str, body: list[str], others: list[str]) -> str:
-    """Returns a man page."""
-    see_also = ", ".join(rf"\fB{escape(other)}\fR(1)" for other in others)
+def make_page(name: str, purpose: str, synopsis: str, body: list[str], names: list[str]) -> str:
+    """Returns a man page, which refers to the other names."""
+    see_also = ", ".join(rf"\fB{escape(other)}\fR(1)" for other in names if other != name)
     lines = [f'.TH {name.upper()} 1 "" "colmap_lazyloc" "User Commands"', ".SH NAME"]
     lines += [f"{escape(name)} \\- {escape(purpose)}", ".SH SYNOPSIS", rf"\fB{escape(name)}\fR {escape(synopsis)}"]
     return "\n".join([*lines, *body, ".SH SEE ALSO", see_also]) + "\n"
@@ -114,27 +115,26 @@ def describe_options(sections: dict[str, list[Option]]) -> list[str]:
     return lines
 
 
-def command_page(program: pathlib.Path, command: str) -> str:
+def command_page(program: pathlib.Path, command: str, names: list[str]) -> str:
     found = read_help(program, command)
-    same = rf"The same as \fB{escape(PROGRAM)} {command}\fR."
-    others = [PROGRAM, *(other for other in COMMANDS if other != command)]
-    body = [".SH DESCRIPTION", f"{escape(command)} {escape(found.purpose)}.", same, *describe_options(found.sections)]
-    return make_page(command, found.purpose, "--option value ...", body, others)
+    body = [".SH DESCRIPTION", f"{escape(command)} {escape(found.purpose)}."]
+    if PROGRAM in names:
+        body.append(rf"The same as \fB{escape(PROGRAM)} {command}\fR.")
+    body += describe_options(found.sections)
+    return make_page(command, found.purpose, "--option value ...", body, names)
 
 
-def program_page(program: pathlib.Path) -> str:
+def program_page(program: pathlib.Path, names: list[str]) -> str:
     commands = run(program, "help").split("Available commands:")[1].split()
     body = [".SH DESCRIPTION", "Runs a command of COLMAP, or one of the commands that colmap_lazyloc adds:"]
     for command in COMMANDS:
         body += [".TP", rf"\fB{command}\fR", escape(read_help(program, command).purpose) + "."]
     body += [".SH COMMANDS", escape(", ".join(commands)) + ".", ".PP"]
     body.append(escape("The option -h after a command prints the command's options."))
-    return make_page(
-        PROGRAM, "COLMAP with lazy visual localization", "command --option value ...", body, [TOOL, *COMMANDS]
-    )
+    return make_page(PROGRAM, "COLMAP with lazy visual localization", "command --option value ...", body, names)
 
 
-def tool_page() -> str:
+def tool_page(names: list[str]) -> str:
     """Returns the man page of the tool lazyloc."""
     from colmap_lazyloc.__main__ import COMMANDS as TOOL_COMMANDS
 
@@ -142,32 +142,34 @@ def tool_page() -> str:
     for name, (_, purpose) in TOOL_COMMANDS.items():
         body += [".TP", rf"\fB{name}\fR", escape(purpose[0].upper() + purpose[1:]) + "."]
     body += [".PP", escape("The option --help after a command prints the command's options.")]
-    return make_page(
-        TOOL,
-        "find where photos were taken, from photos with known poses",
-        "command [options]",
-        body,
-        [PROGRAM, *COMMANDS],
-    )
+    purpose = "find where photos were taken, from photos with known poses"
+    return make_page(TOOL, purpose, "command [options]", body, names)
 
 
-def write_man_pages(program: pathlib.Path, folder: pathlib.Path) -> None:
+def write_man_pages(program: pathlib.Path, folder: pathlib.Path, names: list[str]) -> None:
+    """Writes a page for each of the names, which refer to each other."""
     folder.mkdir(parents=True, exist_ok=True)
-    pages = {command: command_page(program, command) for command in COMMANDS}
-    for name, page in {**pages, PROGRAM: program_page(program), TOOL: tool_page()}.items():
+    for name in names:
+        if name == TOOL:
+            page = tool_page(names)
+        elif name == PROGRAM:
+            page = program_page(program, names)
+        else:
+            page = command_page(program, name, names)
         (folder / f"{name}.1").write_text(page, encoding="utf-8")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("kind", choices=("tables", "man"))
+    parser.add_argument("kind", choices=("tables", "man", "wheel"))
     parser.add_argument("program", type=pathlib.Path)
     parser.add_argument("folder", type=pathlib.Path, nargs="?", default=pathlib.Path("."), help="for the man pages")
     options = parser.parse_args()
     if options.kind == "tables":
         print(make_tables(options.program), end="")
     else:
-        write_man_pages(options.program, options.folder)
+        names = [TOOL, *COMMANDS] if options.kind == "wheel" else [PROGRAM, TOOL, *COMMANDS]
+        write_man_pages(options.program, options.folder, names)
 
 
 if __name__ == "__main__":

@@ -133,6 +133,8 @@ def test_wheel_alone_goes_from_photos_to_the_report(environment, photos, tmp_pat
     for word in (r"program +{}/\S+/colmap_lazyloc/bin/colmap \(COLMAP 3", r"extension +{}/", "run +missing: opencv"):
         assert re.search(word.format(environment), printed), printed
     assert not (environment / "bin" / "colmap").exists()
+    commands = {f"lazy_{name}.1" for name in ("epoch", "indexer", "localizer", "merger")}
+    assert {page.name for page in (environment / "share" / "man" / "man1").iterdir()} == {"lazyloc.1", *commands}
     words = ["--database_images", photos.image_path / "database", "--poses", photos.model_path]
     lazyloc("run", *words, "--queries", photos.image_path / "query", "--output", "out", *photo_scene.SIFT)
     poses = read_poses(tmp_path / "out" / "localized" / "poses.txt")
@@ -246,6 +248,8 @@ def test_man_page_has_every_option(colmap, tmp_path, command, flag):
     page = tmp_path / f"{command}.1"
     options = re.findall(r"^\.TP\n\\fB\\-\\-(.*?)\\fR", page.read_text(), re.MULTILINE)
     assert {"--" + option.replace("\\-", "-") for option in options} == all_options(colmap, command, flag)
+    text = " ".join(run(colmap, command, flag).split()[-5:])
+    assert text in page.read_text().replace("\\-", "-"), "lines of the help are joined"
     if shutil.which("man"):
         done = subprocess.run(["man", "--warnings", "-l", page], capture_output=True, text=True, env=os.environ)
         assert (done.returncode, done.stderr) == (0, "")
