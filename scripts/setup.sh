@@ -56,7 +56,7 @@ fetch_onnxruntime_headers() {
 
 # Installs the Python packages that a file lists into the environment.
 install_requirements() {
-  local stamp list=$1 log=$CACHE_DIR/pip.log
+  local stamp start list=$1 log=$CACHE_DIR/pip.log
   stamp=$VENV_DIR/$(basename "$1")
   cmp -s "$1" "$stamp" && return 0
   say "installing Python packages"
@@ -64,10 +64,18 @@ install_requirements() {
   # scripts/environment.sh and scripts/python.sh set PYTHONPATH to that of their own checkout.
   "$PYTHON" -c "" 2>/dev/null || python3 -m venv --clear "$VENV_DIR"
   share_of_requirements() {
-    # pip learns only while it downloads what the packages of the list need.
-    echo "$(share "downloading Python packages" "$(grep -cE '^(Collecting|Requirement already).* \(from -r' "$log")" \
-      "$(grep -c . "$list")" "of the list"); $(grep -c '^ *Downloading' "$log") files with what these need"
+    local num_packages num_done
+    num_packages=$(sed -n 's/^Installing collected packages: //p' "$log" | wc -w)
+    if [ "$num_packages" -gt 0 ]; then
+      num_done=$(find "$VENV_DIR"/lib/python*/site-packages -maxdepth 1 -name '*.dist-info' -newermt "@$start" | wc -l)
+      share "unpacking Python packages" "$num_done" "$num_packages" packages
+    else
+      # pip learns only while it downloads what the packages of the list need.
+      echo "$(share "downloading Python packages" "$(grep -cFf "$list" "$log")" \
+        "$(grep -c . "$list")" "of the list"); $(grep -c '^ *Downloading' "$log") files with what these need"
+    fi
   }
+  start=$(date +%s)
   : > "$log"
   with_progress "$log" share_of_requirements "$VENV_DIR/bin/pip" install --progress-bar off \
     --disable-pip-version-check -r "$list" || { tail -20 "$log" >&2; return 1; }
