@@ -19,6 +19,9 @@ def place(tmp_path_factory):
     (folder / "empty").mkdir()
     for name in ("notes.txt", "film.mp4", "broken.jpg"):
         (folder / name).write_text("hello\n")
+    (folder / "points.csv").write_text("point,x,y,z\nP,0,0,0\nQ,1,0,0\nR,0,1,0\n")
+    marks = (f"{photo},{point},3,3\n" for photo in ("a.png", "b.png", "z.png") for point in "PQ")
+    (folder / "marks.csv").write_text("photo,point,x,y\n" + "".join(marks))
     return folder
 
 
@@ -97,6 +100,10 @@ def test_mistakes_of_run(typed, changed, message):
         ("--sequence 3", "--sequence needs --query_camera"),
         ("--epoch both --sequence 3", "--sequence needs --query_camera"),
         ("--control_points nowhere.txt", "nowhere.txt: does not exist"),
+        (
+            "--control_points points.csv marks.csv",
+            "2 points have marks in two or more photos of photos, and 3 are needed; marked photos: a.png, b.png, z.png",
+        ),
         ("--control_points notes.txt", "notes.txt: has no row with the names of its columns"),
         (
             "--scale a:1,1 b:1,1 2 --control_points notes.txt --use_control_points 0.02 --epoch new",
@@ -117,6 +124,9 @@ def test_mistakes_of_run_without_poses(typed, words, message):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
+        ("changes", "required: RESULTS"),
+        ("changes model", "model: is not the output folder of lazyloc run --epoch or of colmap lazy_epoch"),
+        ("completion fish", "unrecognized arguments: fish"),
         ("control_points", "required: RESULTS, FILE"),
         ("control_points model nowhere.txt", "nowhere.txt: does not exist"),
         ("control_points model notes.txt", "notes.txt: has no row with the names of its columns"),

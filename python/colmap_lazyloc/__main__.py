@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import colmap_lazyloc
 from colmap_lazyloc.errors import InputError, command, nearest
+from colmap_lazyloc.extras import missing_package
 
 # The module of each command, and what it does. Modules are imported when they are needed, because they need other
 # packages and take time to load.
@@ -57,7 +58,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     if name not in COMMANDS:
         raise InputError(f"unknown command '{name}'{nearest(name, COMMANDS)}")
-    module = importlib.import_module(f"colmap_lazyloc.{COMMANDS[name][0]}")
+    try:
+        module = importlib.import_module(f"colmap_lazyloc.{COMMANDS[name][0]}")
+    except ImportError as error:
+        message = missing_package(error, preferred=name)
+        if message is None:
+            raise
+        raise InputError(message) from error
     return int(module.main(rest))
 
 

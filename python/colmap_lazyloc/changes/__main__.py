@@ -163,7 +163,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     run = find_run(options.results)
     known, origin = control_points.read_photos(options.results)
-    if run.results is None or database_model(run) is None:
+    has_epoch = run.project is None or run.project.epoch.is_dir() or options.database_path is not None
+    if run.results is None or database_model(run) is None or not has_epoch:
         raise InputError(f"{options.results}: is not the output folder of lazyloc run --epoch or of colmap lazy_epoch")
     path = _database_path(run, options.database_path)
     posed = {

@@ -30,7 +30,7 @@ from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Positi
 from colmap_lazyloc.pose_formats.positions import read_positions
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
-from colmap_lazyloc.project.alignment import Distance
+from colmap_lazyloc.project.alignment import Distance, check_marks
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.epoch import Survey, adjust_epoch
 from colmap_lazyloc.project.folder import DATABASE, MATCHES, QUERY, RECORD, Folder, Steps, content, fingerprint
@@ -151,8 +151,11 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _find_database(options: argparse.Namespace, folder: pathlib.Path) -> dict[str, pathlib.Path]:
-    """Returns the paths of the database images by name; checks that --scale names two of them."""
+    """Returns the paths of the database images by name; checks that --scale names two of them, and
+    that --control_points has enough marks in them."""
     photos = find_photos(folder, _excluded(options))
+    if options.control_points is not None and options.poses is None and options.positions is None:
+        check_marks(options.control_points, photos, folder)
     if options.scale is None:
         return photos
     first, second, _ = options.scale
