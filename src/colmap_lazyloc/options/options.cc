@@ -4,6 +4,7 @@
 #include <fstream>
 #include <initializer_list>
 #include <iostream>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -134,9 +135,11 @@ Descriptions Describe(const char* summary, Options* options, std::string* projec
 }
 
 void CheckRequired(std::initializer_list<std::pair<const char*, const std::string*>> options) {
+  std::string missing;
   for (const auto& [name, value] : options) {
-    if (value->empty()) throw InputError("option --" + std::string(name) + " is required but missing");
+    if (value->empty()) missing += (missing.empty() ? "--" : ", --") + std::string(name);
   }
+  if (!missing.empty()) throw InputError("required but missing: " + missing);
 }
 
 // Returns an error whose message begins with the name of a field, which becomes the full name of its option.
@@ -257,6 +260,38 @@ bool PrintAnswer(const po::variables_map& values, const Descriptions& descriptio
   return true;
 }
 
+// Returns the number of characters to insert, delete or replace so that one text becomes the other.
+size_t EditDistance(const std::string& from, const std::string& to) {
+  std::vector<size_t> distances(to.size() + 1);  // to the beginnings of `to`
+  std::iota(distances.begin(), distances.end(), 0);
+  for (size_t i = 0; i < from.size(); ++i) {
+    size_t diagonal = std::exchange(distances[0], i + 1);
+    for (size_t j = 0; j < to.size(); ++j) {
+      const size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
+      diagonal = distances[j + 1];
+      distances[j + 1] = std::min({replaced, diagonal + 1, distances[j] + 1});
+    }
+  }
+  return distances.back();
+}
+
+// Returns what an error about an unknown option ends with: the nearest option, or nothing. A name may lack its end, or
+// what is before its last dot.
+std::string Nearest(const std::string& name, const po::options_description& known) {
+  std::string nearest;
+  size_t best = name.size() / 3 + 1;
+  for (const auto& option : known.options()) {
+    const std::string& full = option->long_name();
+    const size_t distance = std::min({EditDistance(name, full), EditDistance(name, full.substr(full.rfind('.') + 1)),
+                                      full.rfind(name, 0) == 0 ? size_t{1} : full.size()});
+    if (distance < best) {
+      best = distance;
+      nearest = "; the nearest is --" + full;
+    }
+  }
+  return nearest;
+}
+
 // Fills the variables that the descriptions name. Returns false if only the help or the version was requested, which is
 // then printed.
 bool Parse(int argc, char** argv, const std::string& command, const Descriptions& descriptions) {
@@ -283,6 +318,11 @@ bool Parse(int argc, char** argv, const std::string& command, const Descriptions
       po::store(po::parse_config_file(file, all), values);
     }
     po::notify(values);
+  } catch (const po::unknown_option& error) {
+    std::string name = error.get_option_name();
+    name.erase(0, name.find_first_not_of('-'));
+    name.erase(std::min(name.find('='), name.size()));
+    throw InputError(command + ": unknown option --" + name + Nearest(name, all) + " (see " + command + " -h)");
   } catch (const po::error& error) {
     throw InputError(command + ": " + error.what() + " (see " + command + " -h)");
   }

@@ -106,6 +106,18 @@ TEST_F(OptionsTest, UnknownNamesAreErrors) {
               "LazyLocalizer.Advanced.no_such_option");
   ExpectError({"--project_path", WriteIni("[LazyLocalizer]\nuse_rigs=1\n")}, "LazyLocalizer.use_rigs");
   ExpectError({"stray"}, "`stray` is not an option");
+  ExpectError({"--databse_path", "x"},
+              "colmap lazy_localizer: unknown option --databse_path; the nearest is --database_path (see");
+  ExpectError({"--num_threads", "2"}, "unknown option --num_threads; the nearest is --LazyLocalizer.num_threads (see");
+  ExpectError({"--LazyLocaliser.seed=2"}, "unknown option --LazyLocaliser.seed; the nearest is --LazyLocalizer.seed");
+  ExpectError({"--input", "x"}, "unknown option --input; the nearest is --input_path (see");
+  ExpectError({"--epoch", "1"}, "unknown option --epoch (see colmap lazy_localizer -h)");
+  CommandOptions options;
+  EXPECT_THAT(
+      [&] {
+        Parse({"--input_path", "model"}, &options);
+      },
+      ThrowsMessage<InputError>("required but missing: --database_path, --output_path"));
 }
 
 TEST_F(OptionsTest, IntrinsicsAreAnEnum) {
