@@ -140,6 +140,17 @@ def test_windows_that_look_alike_have_not_moved():
     assert Scene(points, points, names, renamed).changes() == []
 
 
+def test_pattern_that_repeats_has_not_moved():
+    """Two boxes look alike. Old photos are matched with new ones only by the left box in the old and the right one in
+    the new photos."""
+    random = np.random.default_rng(1)
+    points = np.concatenate([wall(random), *(box(np.random.default_rng(2)) + [x, 0, 0] for x in (-1, 1))])
+    kinds = [[f"{kind}{i}" for i in range(count)] for kind, count in (("wall", 800), ("left", 120), ("right", 120))]
+    old = kinds[0] + kinds[1] + kinds[2]
+    new = kinds[0] + [f"new {name}" for name in kinds[1]] + kinds[1]
+    assert Scene(points, points, old, new).changes() == []
+
+
 def test_folder_without_an_epoch_is_named(tmp_path, capsys):
     assert main(["changes", str(tmp_path)]) == 1
     assert str(tmp_path) in capsys.readouterr().err

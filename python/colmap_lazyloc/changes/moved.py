@@ -20,6 +20,7 @@ NUM_SAMPLES = 2000
 MAX_MISFIT_SIGMA = 4.0  # of a point from the motion of its thing
 NUM_NEIGHBORS = 5  # among which most points of a thing have moved
 MAX_STATIC_SHARE = 0.5
+MAX_REPEATED_SHARE = 0.2  # of the points of a thing that both epochs show at one place
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +99,7 @@ def find_moved(old: Points, new: Points, links: Links) -> list[MovedThing]:
         # Its other points are less exact, and no other thing.
         before = old.places[links.old]
         candidates = candidates[~is_around(before[candidates], before[inliers])]
-        thing = _fit(old, new, links, inliers)
+        thing = None if _is_repeated(old, new, links, inliers) else _fit(old, new, links, inliers)
         if thing is not None:
             things.append(thing)
     return things
@@ -145,6 +146,19 @@ def _largest_motion(old: Points, new: Points, links: Links, among: Array, random
         best = _inliers(before, now, inverse, _rigid(before[best], now[best]))
     result: Array = among[best]
     return result
+
+
+def _is_repeated(old: Points, new: Points, links: Links, chosen: Array) -> bool:
+    """True if points of a thing were already where they are now, or are still where they were.
+
+    Two flowers of a wallpaper that look alike also give matches that agree with each other.
+    """
+    for points, other in ((new.places[links.new[chosen]], old.places), (old.places[links.old[chosen]], new.places)):
+        nearest = other[cKDTree(other).query(points)[1]]
+        sigma = np.sqrt(_chi2(nearest - points, links.covariance[chosen]))
+        if np.mean(sigma < MAX_STATIC_SIGMA) > MAX_REPEATED_SHARE:
+            return True
+    return False
 
 
 def _rigid(before: Floats, now: Floats) -> tuple[Floats, Floats]:
