@@ -2,9 +2,10 @@
 
 #include <limits>
 
-#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/epoch/information_factor.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/noise/database_pose_errors.h"
@@ -92,24 +93,7 @@ std::vector<int> PlacesOf(const PriorGroup& group, int num_queries, const JointA
 Eigen::MatrixXd InformationOnDeviations(const SparseMatrix& information, const std::vector<int>& places,
                                         const PriorPrecision& precision) {
   const auto size = static_cast<Eigen::Index>(places.size());
-  std::vector<bool> is_kept(information.cols(), false);
-  Eigen::VectorXi order(information.cols());  // the new index of a parameter
-  for (Eigen::Index i = 0; i < size; ++i) {
-    for (int k = 0; k < 6; ++k) is_kept[places[i] + k] = true;
-  }
-  int num_others = 0;
-  for (Eigen::Index i = 0; i < information.cols(); ++i) {
-    if (!is_kept[i]) order[i] = num_others++;
-  }
-  for (Eigen::Index i = 0; i < size; ++i) {
-    for (int k = 0; k < 6; ++k) order[places[i] + k] = num_others + static_cast<int>(k * size + i);
-  }
-  const Eigen::PermutationMatrix<Eigen::Dynamic> permutation(order);
-  const SparseMatrix sorted = permutation * information * permutation.transpose();
-  const SparseMatrix of_others = sorted.topLeftCorner(num_others, num_others);
-  const Eigen::MatrixXd coupling = SparseMatrix(sorted.topRightCorner(num_others, 6 * size));
-  Eigen::MatrixXd kept = SparseMatrix(sorted.bottomRightCorner(6 * size, 6 * size));
-  kept -= coupling.transpose() * Eigen::SimplicialLDLT<SparseMatrix>(of_others).solve(coupling);
+  Eigen::MatrixXd kept = InformationFactor(information, places).OnDeviations();
   for (Eigen::Index k = 0; k < 6; ++k) kept.block(k * size, k * size, size, size) -= precision.Of(k);
   return kept;
 }
@@ -195,8 +179,8 @@ std::vector<Matrix6d> DatabaseErrors::PhotoCovariances(const JointScene& scene,
   }
   SparseMatrix change(adjustment.information.rows(), adjustment.information.cols());
   change.setFromTriplets(changes.begin(), changes.end());
-  const Eigen::SimplicialLDLT<SparseMatrix> factors(adjustment.information + change);
-  if (factors.info() != Eigen::Success) return covariances;
+  const InformationFactor factor(adjustment.information + change, places);
+  if (!factor.Succeeded()) return covariances;
   std::vector<Rigid3d> viewpoints;
   for (int i = 0; i < layout_.num_queries; ++i) viewpoints.push_back(scene.images[i].cam_from_world);
   PredictedErrors predicted;
@@ -205,21 +189,20 @@ std::vector<Matrix6d> DatabaseErrors::PhotoCovariances(const JointScene& scene,
   for (int i = 0; i < layout_.num_queries; ++i) {
     const int first = adjustment.first_parameter[i];
     if (first < 0) continue;
-    Eigen::MatrixXd gain = Eigen::MatrixXd::Zero(adjustment.information.cols(), 6);
-    gain.middleRows<6>(first).setIdentity();
+    Eigen::MatrixXd gain = Eigen::MatrixXd::Zero(6 * size, 6);  // with respect to the deviations
     Matrix6d of_prediction = Matrix6d::Zero();
     if (returns) {
       const Matrix6d derivative = TangentFromError(viewpoints[i], *posed.frames[group.frames.front()].prior);
-      for (Eigen::Index j = 0; j < size; ++j) {
-        gain.middleRows<3>(places[j]) = predicted.by_rotation(i, j) * derivative.leftCols<3>().transpose();
-        gain.middleRows<3>(places[j] + 3) = predicted.by_position(i, j) * derivative.rightCols<3>().transpose();
+      for (int k = 0; k < 6; ++k) {
+        const Eigen::MatrixXd& predictions = k < 3 ? predicted.by_rotation : predicted.by_position;
+        gain.middleRows(k * size, size) = predictions.row(i).transpose() * derivative.col(k).transpose();
       }
       Eigen::Matrix<double, 6, 1> unpredicted;
       unpredicted << Eigen::Vector3d::Constant(predicted.rotation_variances[i]),
           Eigen::Vector3d::Constant(predicted.position_variances[i]);
       of_prediction = derivative * unpredicted.asDiagonal() * derivative.transpose();
     }
-    const Matrix6d covariance = adjustment.variance_factor * (gain.transpose() * factors.solve(gain) + of_prediction);
+    const Matrix6d covariance = adjustment.variance_factor * (factor.Covariance(first, gain) + of_prediction);
     if (covariance.diagonal().minCoeff() > 0) covariances[i] = (covariance + covariance.transpose()) / 2;
   }
   return covariances;
