@@ -83,6 +83,21 @@ def test_photo_that_the_database_does_not_see_hangs_on_others(epoch, files):
     assert 0.9 <= hidden["confidence"] < 1
 
 
+def test_photo_with_too_few_matches_keeps_its_pose_and_is_named(start, localized, files, tmp_path):
+    name = "query/003.jpg"
+    scene = files.scene.copy()
+    for names, pair in scene.pairs.items():
+        if name in names:
+            pair.inlier_matches = pair.inlier_matches[:0]
+    database = synthetic.write_database(tmp_path / "few.db", scene)
+    done = start(localized.output_path, tmp_path / "output", database_path=database)
+    assert done.returncode == 0 and "WARNING: 1 of the photos could not be adjusted with the others" in done.stderr
+    assert name in done.stderr.split("keep their poses")[1].splitlines()[0]
+    alone, together = (read_results(path / "results.jsonl") for path in (localized.output_path, tmp_path / "output"))
+    assert together[name]["cam_from_world"] == alone[name]["cam_from_world"]
+    assert {key for key, result in together.items() if not result["epoch"]["is_adjusted"]} == {name}
+
+
 def test_model_has_both_epochs_and_the_database_keeps_every_bit(epoch, files):
     given, model = read_model(files.model_path), read_model(epoch / "model")
     assert set(model.images) == set(files.scene.images)

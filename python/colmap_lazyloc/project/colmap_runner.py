@@ -31,9 +31,9 @@ class ColmapRunner:
     def __init__(self, log_path: pathlib.Path):
         self._log_path = log_path
 
-    def run(self, words: Sequence[object], bar: "ProgressBar | None" = None, shown: str | None = None) -> None:
+    def run(self, words: Sequence[object], bar: "ProgressBar | None" = None, shown: Sequence[str] = ()) -> None:
         """Runs a command; raises InputError with its last line, or the one before a stack trace, if it fails. Lines
-        with the text `shown` are shown to the user, too."""
+        with one of the texts `shown` are shown to the user, too."""
         texts = [str(word) for word in words]
         last_line = ""
         prctl = getattr(ctypes.CDLL(None), "prctl", None)  # of Linux
@@ -66,7 +66,7 @@ class ColmapRunner:
                         with nullcontext() if bar is None else bar.hidden():
                             logger.info(f"first pose: {result['query']} at {x:.3f} {y:.3f} {z:.3f}")
                     text = COLOUR.sub("", line).strip()
-                    if shown is not None and shown in text:
+                    if any(part in text for part in shown):
                         with nullcontext() if bar is None else bar.hidden():
                             is_warning = text.startswith(WARNING)
                             logger.log(logging.WARNING if is_warning else logging.INFO, text.removeprefix(WARNING))

@@ -96,7 +96,7 @@ def adjust_epoch(
         (folder.epoch / CONTROL_POINTS).write_text("\n".join([*lines, ""]), encoding="utf-8")
         words += ["--control_points_path", folder.epoch / CONTROL_POINTS]
     with ProgressBar(f"adjusting {len(found)} photos together") as bar:
-        project.runner.run(words, bar, shown="control point")
+        project.runner.run(words, bar, shown=("control point", "WARNING"))
     done.write_text(key)
 
 

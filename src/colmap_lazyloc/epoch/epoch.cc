@@ -23,6 +23,7 @@ namespace {
 constexpr int kMaxNumHangings = 10;  // the length of a chain of photos
 // Shift by adjustment, in standard deviations of the pose before, above which a photo that hangs on others was wrong.
 constexpr double kMaxShiftSigma = 5;
+constexpr int kMaxNumNames = 3;  // in a line
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // True if the photo can be adjusted with others: it has keypoints, and a camera that is not spherical.
@@ -61,9 +62,9 @@ void TakeAdjusted(const EpochScene& epoch, const AdjustedPhotos& adjusted, std::
     EpochPhoto& photo = (*photos)[epoch.photos[i]];
     LocalizationResult& result = photo.record.result;
     const Rigid3d& relative = epoch.scene.images[i].cam_from_world;
-    if (!adjusted.covariances[i].allFinite()) continue;  // it keeps the pose that it was localized at
+    photo.record.epoch->is_adjusted = adjusted.covariances[i].allFinite();
+    if (!photo.record.epoch->is_adjusted) continue;  // it keeps its pose
     result.cam_from_world = RelativeTo(-epoch.origin, relative);
-    photo.record.epoch->is_adjusted = true;
     photo.record.epoch->shift = (CamInWorld(result.cam_from_world) - CamInWorld(photo.localized.cam_from_world)).norm();
     PoseDistribution pose = MakePoseDistribution(relative, kCommonErrorFactor * adjusted.covariances[i]);
     result.covariance = pose.CovarianceAt(result.cam_from_world.translation);
@@ -192,6 +193,24 @@ class PointsAdder {
   std::vector<std::map<int, int>> pair_of_image_;  // index of a photo's pair, by the other image
 };
 
+// Names the photos with poses that the last adjustment has left out.
+void ReportLeftOut(const std::vector<EpochPhoto>& photos, bool is_surveyed,
+                   const std::function<void(const std::string&)>& report) {
+  std::string names;
+  int count = 0;
+  for (const EpochPhoto& photo : photos) {
+    const bool is_localized = photo.record.result.status == QueryStatus::LOCALIZED;
+    if (!is_localized || (photo.record.epoch && photo.record.epoch->is_adjusted)) continue;
+    if (++count <= kMaxNumNames) names += (count > 1 ? ", " : "") + photo.Name();
+  }
+  if (count == 0) return;
+  report(
+      Format("WARNING: %d of the photos could not be adjusted with the others (too few matches, or spherical) and "
+             "keep their poses%s: %s%s",
+             count, is_surveyed ? ", which do not follow the control points" : "", names.c_str(),
+             count > kMaxNumNames ? ", ..." : ""));
+}
+
 // Counts the photos with poses by camera, and takes the first intrinsics of a camera from a photo that hangs.
 void CountPhotos(const std::vector<EpochPhoto>& photos, std::vector<EpochCamera>* cameras) {
   std::vector<int> counts(cameras->size(), 0);
@@ -269,6 +288,7 @@ std::vector<QueryRecord> AdjustEpoch(const Model& model, std::vector<Localizatio
     builder.AddControlPoints(control, options.mark_stddev_px, &epoch);
     ReportControlPoints(control, epoch, Adjust(report, &epoch, &cameras, &photos), report);
   }
+  ReportLeftOut(photos, !control.empty(), report);
   PointsAdder(epoch, &photos).AddAll();
   std::vector<QueryRecord> records;
   for (EpochPhoto& photo : photos) records.push_back(std::move(photo.record));
