@@ -98,6 +98,29 @@ def test_photo_with_too_few_matches_keeps_its_pose_and_is_named(start, localized
     assert {key for key, result in together.items() if not result["epoch"]["is_adjusted"]} == {name}
 
 
+def test_photo_with_too_few_matches_for_adjustment_does_not_hang(localize, start, files, write_scene_files, tmp_path):
+    """Three others share 16 matches with it, two of them wrong. Only adjustment knows how uncertain the others are."""
+    scene = files.scene.copy()
+    shared = [names for names in scene.pairs if HIDDEN in names]
+    for names in shared[3:]:
+        del scene.pairs[names]
+    shown = [scene.pairs[names].inlier_matches[:, names.index(HIDDEN)].tolist() for names in shared[:3]]
+    keypoints = sorted(set.intersection(*map(set, shown)))[:16]
+    for names in shared[:3]:
+        pair = scene.pairs[names]
+        is_kept = np.isin(pair.inlier_matches[:, names.index(HIDDEN)], keypoints)
+        pair.matches = pair.inlier_matches = pair.inlier_matches[is_kept]
+    scene.images[HIDDEN].keypoints[keypoints[:2]] += 10
+    (tmp_path / "scene").mkdir()
+    few = write_scene_files(tmp_path / "scene", scene)
+    alone = localize(*few.arguments)
+    done = start(alone.output_path, tmp_path / "epoch", database_path=few.database_path, input_path=few.model_path)
+    assert done.returncode == 0, done.stderr
+    results = read_results(tmp_path / "epoch/results.jsonl")
+    assert results.pop(HIDDEN)["status"] == "NO_PAIRS"
+    assert all(result["epoch"]["is_adjusted"] for result in results.values())
+
+
 def test_model_has_both_epochs_and_the_database_keeps_every_bit(epoch, files):
     given, model = read_model(files.model_path), read_model(epoch / "model")
     assert set(model.images) == set(files.scene.images)

@@ -98,11 +98,13 @@ bool IsContradicted(const EpochPhoto& photo) {
   return shift.dot(covariance.ldlt().solve(shift)) > 3 * kMaxShiftSigma * kMaxShiftSigma;
 }
 
-// Takes their poses from photos that hang on others if adjustment contradicts these. Returns how many there were.
+// Takes their poses from photos that hang on others if adjustment contradicts these, or could not adjust the photos:
+// only adjustment takes into account how uncertain the others are. Returns how many there were.
 int RemoveContradicted(std::vector<EpochPhoto>* photos) {
   int num_removed = 0;
   for (EpochPhoto& photo : *photos) {
-    if (!photo.is_placed || !photo.refused || !IsContradicted(photo)) continue;
+    if (!photo.is_placed || !photo.refused) continue;
+    if (photo.record.epoch->is_adjusted && !IsContradicted(photo)) continue;
     photo.record = std::move(*photo.refused);
     photo.refused.reset();
     photo.is_placed = false;
