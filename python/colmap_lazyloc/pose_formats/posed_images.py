@@ -191,4 +191,5 @@ def list_images(
             for name in folders
             if name not in NO_PHOTOS and inside[name] not in closed and not f"{here}/".startswith(f"{inside[name]}/")
         ]
-    return sorted(name for name in names if name.lower().endswith(suffixes))
+    # A named pipe would keep its reader waiting for ever.
+    return sorted(name for name in names if name.lower().endswith(suffixes) and not (folder / name).is_fifo())
