@@ -369,7 +369,7 @@ FORMATS: dict[str, Format] = {
         table.parse,
         lambda f: f.is_table,
         Convention(TO_WORLD, vector="centre"),
-        "the file's; on the Earth with latitude and longitude, or --crs",
+        "the file's; on the Earth if it has latitude and longitude, or with --crs",
         "width, height, fx, fy, cx, cy, k1 to k6, p1, p2, camera_model",
     ),
 }

@@ -78,7 +78,7 @@ void ForEachBasicOption(EpochCommandOptions& o, const Add& add) {
   add("LazyEpoch.mark_stddev_px", &o.epoch.mark_stddev_px,
       "Standard deviation of a mark of a control point per coordinate, in pixels");
   add("LazyEpoch.with_database", &o.with_database,
-      "Write the database images into the model, too, with their poses bit for bit");
+      "Also write the database images into the model, with unchanged poses");
   add("LazyEpoch.shared_intrinsics", &o.epoch.shares_intrinsics,
       "Refine one camera for all photos for which the database states the same intrinsics; 0: one for each photo");
   add("LazyEpoch.min_confidence", &o.epoch.min_confidence,
