@@ -12,6 +12,7 @@ from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs, from_geodetic
 from colmap_lazyloc.poses import Pose, look_at
 from colmap_lazyloc.pycolmap_types import image_from_cam
+from colmap_lazyloc.results import read_control_residuals
 
 CAMERA = Camera("SIMPLE_RADIAL", 640, 480, (500.0, 320.0, 240.0, -0.02))
 ORIGIN = GeoOrigin(47.3769, 8.5417, 408.0)
@@ -204,6 +205,14 @@ def test_output(run, capsys):
     output = run.folder / "table.csv"
     assert main(["control_points", str(run.results), *map(str, run.tables()), "--output", str(output)]) == 0
     assert "point," not in capsys.readouterr().out and output.read_text().startswith("point,photos,marks,dx")
+
+
+def test_report_gets_the_residuals(run, capsys):
+    run.compare(capsys, *run.tables())
+    entries = {(entry["point"], entry["photos"]): entry for entry in read_control_residuals(run.results)}
+    assert np.allclose(entries["P1", "new"]["error"], SHIFT, atol=1e-3)
+    assert np.allclose(entries["P1", "database"]["error"], 0, atol=1e-3)
+    assert np.allclose(entries["P1", "new"]["surveyed"], POINTS["P1"])
 
 
 def test_bad_items_are_left_out(run, capsys):

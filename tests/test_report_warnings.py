@@ -72,6 +72,37 @@ def test_changes_between_epochs(tmp_path):
     assert np.allclose(np.ptp(lines[:12].reshape(-1, 3), axis=0), 2)
 
 
+def test_second_epoch(tmp_path):
+    """Shifts by the joint adjustment, residuals at control points, and which photos share matches."""
+
+    def add_epoch(i, result):
+        result["epoch"] = {"hangs_on": "database", "is_adjusted": result["name"] != "query/000004.jpg", "shift": 0.01}
+        if result["name"] == "query/000003.jpg":
+            result["pairs"].append({**result["pairs"][0], "name": "query/000005.jpg"})
+
+    run_path = write_changed_run(tmp_path, add_epoch).rename(tmp_path / "epoch")
+    results = [json.loads(line) for line in (run_path / "results.jsonl").read_text().splitlines()]
+    for result in results:  # each photo was at another place, in the camera's axes
+        result["cam_from_world"]["tvec"][0] += 0.01
+    (tmp_path / "localized").mkdir()
+    (tmp_path / "localized/results.jsonl").write_text("".join(json.dumps(result) + "\n" for result in results))
+    residual = {"point": "P1", "photos": "new", "surveyed": [1.0, 2.0, 3.0], "error": [0.0, 0.003, 0.004]}
+    unknown = {"point": "P2", "photos": "database", "surveyed": [1.0, 2.0, 3.0], "error": None}
+    (run_path / "control_points.json").write_text(json.dumps([residual, unknown]))
+    page = make_page(run_path)
+    scene = page.scene
+    shifts = np.diff(scene["shifts"].reshape(-1, 2, 3), axis=1)[:, 0]
+    assert len(shifts) == len(results) - 1  # the photo that was not adjusted has none
+    assert np.allclose(np.linalg.norm(shifts, axis=1), 0.01 * scene["shiftFactor"], rtol=1e-3)
+    assert scene["shiftFactor"] in {step * 10**power for step in (1, 2, 5) for power in range(6)}
+    begin, end = scene["controlResiduals"].reshape(2, 3)
+    assert np.allclose(end - begin, scene["controlFactor"] * np.array([0, 0.003, 0.004]), rtol=1e-3)
+    assert np.allclose(begin + scene["origin"], [1, 2, 3]) and scene["controlIsNew"].tolist() == [1]
+    pair = sorted(page.index(f"query/00000{i}.jpg") for i in (3, 5))
+    assert scene["overlapQueries"].reshape(-1, 2).tolist() == [pair]
+    assert len(scene["overlapDatabase"]) == 2 * sum(len(result["pairs"]) for result in results) - 2
+
+
 def test_changes_of_earlier_results_are_not_shown(tmp_path):
     run_path = write_changed_run(tmp_path, lambda i, result: None)
     write_changes(run_path)

@@ -10,13 +10,15 @@ photos only.
 
 The rays of a point's marks meet at a place, once for the database photos and once for the new ones. The command prints
 how far this place is from the surveyed one, and how far the surveyed point is from its marks in pixels. Where both sets
-of photos see points, it prints the shift of the new photos.
+of photos see points, it prints the shift of the new photos. The results of a run get a file control_points.json, with
+which the next report shows the residuals.
 """
 
 import argparse
 import csv
 import dataclasses
 import io
+import json
 import pathlib
 import sys
 from collections.abc import Sequence
@@ -35,7 +37,7 @@ from colmap_lazyloc.pose_formats.raw_poses import MAX_NUM_NAMED
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.pycolmap_types import image_from_cam, to_pycolmap_camera, to_rigid3d
 from colmap_lazyloc.report.options_file import read_options
-from colmap_lazyloc.results import MODEL, RESULTS, FoundRun, find_run, pose_of, read_results
+from colmap_lazyloc.results import CONTROL_POINTS, MODEL, RESULTS, FoundRun, find_run, pose_of, read_results
 
 MIN_ANGLE_DEG = 1.5  # between the rays of a point, as in COLMAP's mapper
 LOSS_PX = 2.0  # errors of marks that are larger have less weight
@@ -224,6 +226,24 @@ def table(residuals: Sequence[Residual], columns: Sequence[str]) -> str:
     return file.getvalue()
 
 
+def write_residuals(folder: pathlib.Path, residuals: Sequence[Residual], surveyed: dict[str, Floats]) -> None:
+    """Writes the residuals at points with coordinates, for the report: in the coordinates of the model."""
+    entries = [
+        {
+            "point": residual.point,
+            "photos": residual.set_name,
+            "surveyed": surveyed[residual.point].tolist(),
+            "error": None if residual.error is None else residual.error.tolist(),
+        }
+        for residual in residuals
+        if residual.point in surveyed
+    ]
+    try:
+        (folder / CONTROL_POINTS).write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        logger.warning("%s: cannot be written: %s", folder / CONTROL_POINTS, error.strerror)
+
+
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(
         prog="lazyloc control_points", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -250,8 +270,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise InputError(f"{options.files[-1]}: no mark is in a photo of {options.results} that has a pose")
     if missing:
         logger.warning("%d photos with marks have no pose: %s", len(missing), first_names(missing, MAX_NUM_NAMED))
-    residuals = compare(views, control.in_model(origin))
+    surveyed = control.in_model(origin)
+    residuals = compare(views, surveyed)
     residuals.sort(key=lambda residual: (natural_key(residual.point), residual.set_name))
+    results = find_run(options.results).results
+    if results is not None:
+        write_residuals(results, residuals, surveyed)
     text = table(residuals, COLUMNS if origin is None else GEOGRAPHIC_COLUMNS)
     if options.output is None:
         print(text)

@@ -15,11 +15,13 @@ from colmap_lazyloc.project.folder import EPOCH, LOCALIZED, RECORD, Folder
 from colmap_lazyloc.result_fields import PoseFields, ResultFields
 from colmap_lazyloc.text_files import Path, open_text
 
-RESULTS, MODEL, CHANGES = "results.jsonl", "model", "changes.json"  # in the output folder of a run
+# In the output folder of a run.
+RESULTS, MODEL, CHANGES, CONTROL_POINTS = "results.jsonl", "model", "changes.json", "control_points.json"
 REQUIRED_FIELDS = ("name", "status", "cam_from_world")
 
 
 Change = dict[str, Any]  # an entry of changes.json
+ControlResidual = dict[str, Any]  # an entry of control_points.json
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,14 +67,25 @@ def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) ->
 
 def read_changes(folder: Path) -> list[Change]:
     """Reads what `lazyloc changes` has found; empty if it was not run, or if the results are newer."""
-    path, results = pathlib.Path(folder) / CHANGES, pathlib.Path(folder) / RESULTS
+    return _read_findings(pathlib.Path(folder), CHANGES, {"kind", "centre", "bounds", "num_points", "new_photos"})
+
+
+def read_control_residuals(folder: Path) -> list[ControlResidual]:
+    """Reads what `lazyloc control_points` has found; empty if it was not run, or if the results are newer."""
+    return _read_findings(pathlib.Path(folder), CONTROL_POINTS, {"point", "photos", "surveyed", "error"})
+
+
+def _read_findings(folder: pathlib.Path, name: str, fields: set[str]) -> list[dict[str, Any]]:
+    """Reads a list that a command has written beside the results, each entry with these fields; empty if there is
+    none, or if the results are newer."""
+    path, results = folder / name, folder / RESULTS
     if not path.is_file() or path.stat().st_mtime < results.stat().st_mtime:
         return []
     try:
-        changes: list[Change] = json.loads(path.read_text(encoding="utf-8"))
-        if not all({"kind", "centre", "bounds", "num_points", "new_photos"} <= change.keys() for change in changes):
+        entries: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        if not all(fields <= entry.keys() for entry in entries):
             raise ValueError
-        return changes
+        return entries
     except (ValueError, AttributeError, TypeError):
         raise InputError(f"{path}: is damaged or cut off") from None
 

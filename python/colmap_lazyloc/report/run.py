@@ -15,12 +15,22 @@ from colmap_lazyloc.model import Image, Model, poses_of, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose, pose_errors
 from colmap_lazyloc.progress import progress
+from colmap_lazyloc.project.folder import LOCALIZED
 from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 from colmap_lazyloc.report.geometry import stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
 from colmap_lazyloc.report.result_check import check_result
 from colmap_lazyloc.result_fields import LeaveOneOutFields, ResultFields
-from colmap_lazyloc.results import RESULTS, Change, pose_of, read_changes, read_results, unconfirmed_pose_of
+from colmap_lazyloc.results import (
+    RESULTS,
+    Change,
+    ControlResidual,
+    pose_of,
+    read_changes,
+    read_control_residuals,
+    read_results,
+    unconfirmed_pose_of,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +47,8 @@ class Run:
     truth: dict[str, Pose]  # by query name; empty if unknown
     unit: str  # of lengths: METRE, or MODEL_UNITS
     changes: list[Change]  # between two epochs, changes.json
+    control: list[ControlResidual]  # control_points.json
+    places_before: dict[str, Array]  # of photos that were adjusted together, by name
 
     @property
     def title(self) -> str:
@@ -125,7 +137,24 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str
         {name: pose for name, pose in truth.items() if name in results},
         unit_of(path, unit),
         read_changes(path),
+        read_control_residuals(path),
+        _places_before(path, results),
     )
+
+
+def _places_before(path: pathlib.Path, results: Mapping[str, ResultFields]) -> dict[str, Array]:
+    """Returns where each photo of a second epoch was before it was adjusted together with the others."""
+    before = path.resolve().parent / LOCALIZED / RESULTS
+    if not before.is_file() or before.parent == path.resolve():
+        return {}
+    if not any("epoch" in result for result in results.values()):
+        return {}
+    poses = {name: pose_of(result) for name, result in read_results(before).items()}
+    return {
+        name: pose.cam_in_world
+        for name, pose in poses.items()
+        if pose is not None and results.get(name, {}).get("epoch", {}).get("is_adjusted")
+    }
 
 
 def unit_of(path: pathlib.Path, unit: str | None) -> str:

@@ -9,6 +9,7 @@ from colmap_lazyloc.model import Camera
 from colmap_lazyloc.poses import centres, rotation_matrices
 from colmap_lazyloc.report import geometry
 from colmap_lazyloc.report.chunk import Values
+from colmap_lazyloc.report.epoch import epoch_arrays
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
 from colmap_lazyloc.results import Change
@@ -33,6 +34,8 @@ def scene_chunk(
         "up": _up(database_qvecs),
         "databaseNames": [image.name for image in images],
     }
+    epoch_values, epoch = epoch_arrays(run, origin, size)
+    values.update(epoch_values)
     extents = {camera_id: geometry.image_extent(camera) for camera_id, camera in run.database.cameras.items()}
     arrays = {
         "databaseCentres": database_centres - origin,
@@ -48,6 +51,7 @@ def scene_chunk(
         "queryConnections": _query_connections(run),
         "databaseConnections": _database_connections(run, frames),
         "changes": _change_lines(run.changes, origin),
+        **epoch,
     }
     for name, array in arrays.items():
         if array.dtype == np.float64:  # after the origin is subtracted, because single precision has 7 digits

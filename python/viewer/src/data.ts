@@ -93,6 +93,13 @@ export interface Scene {
   pointIndices: Uint32Array; // stored as differences "pointDeltas" (modulo 2^32), which data.ts sums up
   queryConnections: Uint32Array; // pairs of queries that one frame or trajectory joins
   databaseConnections: Uint32Array; // pairs of database images of one frame
+  shifts: Float32Array; // 6 l: how joint adjustment has moved new photos, shiftFactor times as long
+  shiftFactor: number;
+  controlResiduals: Float32Array; // 6 l: from surveyed points to where the photos of a set have them, controlFactor times as long
+  controlFactor: number;
+  controlIsNew: Uint8Array; // l: 1 the set of new photos, 0 of database images
+  overlapDatabase: Uint32Array; // pairs of a new photo and a database image with common matches
+  overlapQueries: Uint32Array; // pairs of new photos with common matches
   changes: Float32Array; // 6 l: lines around things that have changed between two epochs, and from where they have moved
 }
 

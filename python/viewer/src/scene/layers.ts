@@ -18,7 +18,7 @@ const MAX_NUM_COARSE_LINES = 3000;
 const SMALL_FRUSTUM_PIXELS = 5;
 const SMALL_ELLIPSOID_PIXELS = 3;
 
-export type LayerName = "points" | "database" | "ellipsoids" | "truth" | "bearings" | "connections" | "changes";
+export type LayerName = "points" | "database" | "ellipsoids" | "truth" | "bearings" | "connections" | "changes" | "shifts" | "control" | "overlap";
 
 export function queryPoses({ scene }: ViewData): Poses {
   return { centres: scene.queryCentres, rotations: scene.queryRotations, extents: scene.queryExtents };
@@ -36,10 +36,20 @@ export function repeated(css: string, count: number): Uint8Array {
 
 // Returns the ends of lines between pairs of cameras, those of which both have a position.
 function linesBetween(pairs: Uint32Array, centres: Float32Array, isShown: (index: number) => boolean): number[] {
+  return linesToOthers(pairs, centres, centres, isShown, isShown);
+}
+
+function linesToOthers(
+  pairs: Uint32Array,
+  centres: Float32Array,
+  otherCentres: Float32Array,
+  isShown: (index: number) => boolean,
+  isOtherShown: (index: number) => boolean,
+): number[] {
   const ends: number[] = [];
   for (let i = 0; i < pairs.length; i += 2) {
     const [a, b] = [pairs[i], pairs[i + 1]];
-    if (isShown(a) && isShown(b)) ends.push(...vec3At(centres, a), ...vec3At(centres, b));
+    if (isShown(a) && isOtherShown(b)) ends.push(...vec3At(centres, a), ...vec3At(otherCentres, b));
   }
   return ends;
 }
@@ -57,9 +67,12 @@ export class Layers {
   private readonly connections = new Lines({ width: 1, opacity: 0.7 });
   private readonly databaseConnections = new Lines({ width: 1, opacity: 0.5 });
   private readonly changes = new Lines({ width: 2 });
+  private readonly shifts = new Lines({ width: 2 });
+  private readonly control = new Lines({ width: 2.5 });
+  private readonly overlap = new Lines({ width: 1, opacity: 0.4 });
   private queryDots: PointCloud | null = null;
   private databaseDots: PointCloud | null = null;
-  private readonly hidden = new Set<LayerName>();
+  private readonly hidden = new Set<LayerName>(["overlap"]); // until someone wants it, because it has many lines
   private mode: ColorMode = "status";
   private factor = 1;
   private isCoarse = false;
@@ -74,7 +87,7 @@ export class Layers {
     this.database = new Frustums({ width: 1, opacity: scene.databaseNames.length > 500 ? 0.5 : 0.9 });
     this.root.add(this.points.object, this.database.group, this.connections.mesh, this.databaseConnections.mesh);
     this.root.add(this.truth.group, this.errors.mesh, this.bearings.mesh, this.queries.group, this.ellipsoids.mesh);
-    this.root.add(this.changes.mesh);
+    this.root.add(this.changes.mesh, this.shifts.mesh, this.control.mesh, this.overlap.mesh);
   }
 
   get numFrustums(): number {
@@ -121,6 +134,12 @@ export class Layers {
     const isDrawn = (query: number) => this.isShown[query] === 1 && hasPosition(scene, query);
     this.databaseConnections.set(linesBetween(scene.databaseConnections, scene.databaseCentres, () => true), colors.database);
     this.changes.set(scene.changes, colors.changes);
+    this.shifts.set(scene.shifts, colors.links);
+    this.control.set(scene.controlResiduals, Array.from(scene.controlIsNew, (isNew) => (isNew ? colors.changes : colors.selected)));
+    const withDatabase = linesToOthers(scene.overlapDatabase, scene.queryCentres, scene.databaseCentres, isDrawn, () => true);
+    const withOthers = linesBetween(scene.overlapQueries, scene.queryCentres, isDrawn);
+    const tints = [colors.database, colors.rays].flatMap((color, i) => Array<string>([withDatabase, withOthers][i].length / 6).fill(color));
+    this.overlap.set([...withDatabase, ...withOthers], tints);
     this.connections.set(linesBetween(scene.queryConnections, scene.queryCentres, isDrawn), colors.selected);
     const queries = [...this.isShown.keys()].filter((query) => this.isShown[query] === 1);
     this.placed = queries.filter((query) => hasPosition(scene, query));
@@ -226,6 +245,9 @@ export class Layers {
     show(this.truth.group, "truth", this.truth.numDrawn > 0);
     show(this.errors.mesh, "truth", count(this.errors.mesh));
     show(this.changes.mesh, "changes", count(this.changes.mesh));
+    show(this.shifts.mesh, "shifts", count(this.shifts.mesh));
+    show(this.control.mesh, "control", count(this.control.mesh));
+    show(this.overlap.mesh, "overlap", count(this.overlap.mesh));
     show(this.bearings.mesh, "bearings", count(this.bearings.mesh));
     show(this.ellipsoids.mesh, "ellipsoids", this.ellipsoids.numDrawn > 0 && !this.isCoarse);
   }

@@ -53,14 +53,25 @@ export class Overlay {
     add(scene.trueCentres.length > 0, "truth", "dashed", () => sceneColors().truth, "True position, error line");
     add(queriesOf(this.data, (query) => hasBearing(scene, query)) > 0, "bearings", "dash", () => statusColor("SCALE_UNOBSERVABLE"), "Bearing without distance");
     add(scene.changes.length > 0, "changes", "line", () => sceneColors().changes, "Moved, vanished or new");
+    add(scene.shifts.length > 0, "shifts", "line", () => sceneColors().links, `Moved by joint adjustment \u00d7 ${scene.shiftFactor}`);
+    const hasControl = (isNew: number) => scene.controlIsNew.includes(isNew);
+    const residual = `residual \u00d7 ${scene.controlFactor}`;
+    add(hasControl(1), "control", "line", () => sceneColors().changes, `Control points in new photos: ${residual}`);
+    if (hasControl(0)) legend.append(this.fixed(() => sceneColors().selected, `In database images: ${residual}`));
+    const overlaps = scene.overlapDatabase.length + scene.overlapQueries.length > 0;
+    add(overlaps, "overlap", "line", () => sceneColors().database, "Common matches with database images", false);
+    if (overlaps) legend.append(this.fixed(() => sceneColors().rays, "Common matches of new photos"));
     const numConnections = scene.queryConnections.length + scene.databaseConnections.length;
     add(numConnections > 0, "connections", "line", () => sceneColors().selected, "Rig or trajectory");
-    const fixed = (color: () => string, text: string) =>
-      legend.append(make("div", { class: "scene-row scene-fixed" }, this.swatch("line", color), text));
-    fixed(() => sceneColors().rays, "Selected query to its points");
-    fixed(() => sceneColors().links, "Selected query to images it used");
+    legend.append(this.fixed(() => sceneColors().rays, "Selected query to its points"));
+    legend.append(this.fixed(() => sceneColors().links, "Selected query to images it used"));
     legend.append(make("details", {}, make("summary", {}, "Sizes"), ...this.sliders(numPlaced > 0)));
     return legend;
+  }
+
+  // Returns a line of the legend without a switch.
+  private fixed(color: () => string, text: string): HTMLElement {
+    return make("div", { class: "scene-row scene-fixed" }, this.swatch("line", color), text);
   }
 
   private swatch(kind: Swatch, color: () => string): HTMLElement {
@@ -74,9 +85,9 @@ export class Overlay {
     for (const { element, color } of this.swatches) element.style.color = color();
   }
 
-  private layer(name: LayerName, kind: Swatch, color: () => string, text: string | HTMLElement): HTMLElement {
+  private layer(name: LayerName, kind: Swatch, color: () => string, text: string | HTMLElement, isOn = true): HTMLElement {
     const box = make("input", { type: "checkbox", change: () => this.actions.setHidden(name, !box.checked) });
-    box.checked = true;
+    box.checked = isOn;
     return make("label", { class: "scene-row" }, box, this.swatch(kind, color), text);
   }
 
