@@ -147,14 +147,9 @@ def _places_before(path: pathlib.Path, results: Mapping[str, ResultFields]) -> d
     before = path.resolve().parent / LOCALIZED / RESULTS
     if not before.is_file() or before.parent == path.resolve():
         return {}
-    if not any("epoch" in result for result in results.values()):
-        return {}
-    poses = {name: pose_of(result) for name, result in read_results(before).items()}
-    return {
-        name: pose.cam_in_world
-        for name, pose in poses.items()
-        if pose is not None and results.get(name, {}).get("epoch", {}).get("is_adjusted")
-    }
+    adjusted = {name for name, result in results.items() if "epoch" in result and result["epoch"]["is_adjusted"]}
+    poses = {name: pose_of(result) for name, result in read_results(before).items()} if adjusted else {}
+    return {name: pose.cam_in_world for name, pose in poses.items() if pose is not None and name in adjusted}
 
 
 def unit_of(path: pathlib.Path, unit: str | None) -> str:
