@@ -71,7 +71,7 @@ export const EXPLANATIONS = {
 // Returns a width for texts of these lengths, beside something that is `extra` rem wide.
 function textWidth(texts: string[], extra: number): number {
   const longest = texts.reduce((max, { length }) => Math.max(max, length), 6);
-  return Math.min(13, Math.max(7, 1 + extra + 0.46 * longest));
+  return Math.min(13, Math.max(7, 1 + extra + 0.53 * longest));
 }
 
 function textColumns(queries: Queries, summary: Summary): Column[] {

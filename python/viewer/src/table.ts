@@ -120,9 +120,11 @@ export class Table {
       make("div", { class: "rowgroup", role: "rowgroup" }, head),
       this.body,
     );
-    const widths = this.columns.map(({ width, growth }) => `minmax(${width}rem, ${growth ? `${growth}fr` : `${width}rem`})`);
-    grid.style.setProperty("--columns", widths.join(" "));
-    grid.style.setProperty("--width", `${this.columns.reduce((sum, { width }) => sum + width, 0)}rem`);
+    // On a phone, the end of a name leaves room for the position.
+    const widths = this.columns.map(({ width }, i) => (i === 0 ? `min(${width}rem, 26vw)` : `${width}rem`));
+    const ranges = this.columns.map(({ growth }, i) => `minmax(${widths[i]}, ${growth ? `${growth}fr` : widths[i]})`);
+    grid.style.setProperty("--columns", ranges.join(" "));
+    grid.style.setProperty("--width", `calc(${widths.join(" + ")})`);
     return grid;
   }
 
@@ -287,7 +289,8 @@ export class Table {
     if (column.kind === "status") cell.append(statusMark(this.summary, this.queries, query));
     const confidence = this.queries.confidence[query];
     if (column.kind === "confidence" && !Number.isNaN(confidence)) cell.append(meter(confidence));
-    cell.append(make("span", {}, text));
+    // The end of a name is shown, because it differs: the text runs from left to right in a box that is cut off at its left.
+    cell.append(make("span", {}, column.id === "name" ? make("bdi", {}, text) : text));
     if (column.kind === "text") cell.title = text;
     if (column.kind === "status") cell.title = this.queries.reasons[query];
     return cell;

@@ -40,8 +40,14 @@ export function warningBox(summary: Summary, selection: Selection, onOpen: () =>
   window.addEventListener("beforeprint", () => {
     for (const details of box.querySelectorAll("details")) details.open = true;
   });
-  if (notes.length > 0) box.append(make("ul", { class: "notes" }, ...notes.map((note) => make("li", {}, note))));
+  if (notes.length > 0) box.append(make("ul", { class: "notes" }, ...notes.map(noteItem)));
   return box;
+}
+
+// Returns a note in which the name of an option is not broken at its hyphens.
+function noteItem(note: string): HTMLElement {
+  const parts = note.split(/(--\w+)/);
+  return make("li", {}, ...parts.map((part) => (part.startsWith("--") ? make("span", {}, part) : part)));
 }
 
 // Returns a warning that opens and closes; all but the first are closed if there are many, so that each is in sight.
