@@ -99,7 +99,7 @@ class Localizer:
     @property
     def num_threads(self) -> int:
         """Returns how many queries `localize_all` localizes at a time: the value of the option
-        LazyLocalizer.num_threads, by default the number of cores. Calling from more threads of your own is not
+        LazyLocalizer.num_threads, by default the number of cores. If more of your own threads call it, it is not
         faster."""
         return self._num_threads if self._num_threads > 0 else os.cpu_count() or 1
 

@@ -421,7 +421,8 @@ def localize(
     resumes = folder.localized.exists() and not keeps_matches
     words += ["--output_path", folder.localized, "--resume" if resumes else "--overwrite", 1]
     words += [*project.sift_options, *options]
-    with ProgressBar(f"localizing {len(query_lines)} queries", len(query_lines), "queries") as bar:
+    count = len(query_lines)
+    with ProgressBar("localizing 1 query" if count == 1 else f"localizing {count} queries", count, "queries") as bar:
         project.runner.run(words, bar)
     project.results.finish()
 
