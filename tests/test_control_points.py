@@ -219,10 +219,11 @@ def test_bad_items_are_left_out(run, capsys):
     points, marks = run.tables()
     marks.write_text(marks.read_text() + "old0.jpg,P1,x,3\nquery/lost.jpg,P1,3,4\nnobody.jpg,P9,3,4\n")
     points.write_text(points.read_text() + "P1,0,0,0\nP9,nan,0,0\n")
-    marks.write_text(marks.read_text() + "old0.jpg,P1,700,20\nold1.jpg,P1,inf,20\n")
+    marks.write_text(marks.read_text() + "old0.jpg,P9,700,20\nold1.jpg,P1,inf,20\nold1.jpg,P1,3,4\n")
     assert_shift_found(*run.compare(capsys, points, marks))
     assert "points.csv: left out: line 6 (point 'P1' is at another place before), line 7 (there is no x)" in run.lines
-    assert "the mark of 'P1' is outside of old0.jpg (640 x 480 pixels)" in run.lines
+    assert "(point 'P1' is marked in 'old1.jpg' before)" in run.lines
+    assert "the mark of 'P9' is outside of old0.jpg (640 x 480 pixels)" in run.lines
     assert "marks.csv: left out: line 22 (expected a number, found 'x')" in run.lines
     assert "2 photos with marks have no pose: nobody.jpg, query/lost.jpg" in run.lines
 

@@ -54,6 +54,7 @@ class ControlPoints:
     marks: list[Mark] = dataclasses.field(default_factory=list)
     points: dict[str, Sequence[float]] = dataclasses.field(default_factory=dict)
     frame: Frame = NO_FRAME
+    _marked: set[tuple[str, str]] = dataclasses.field(default_factory=set, repr=False)  # photo and point
 
     def add_point(self, name: str, place: Sequence[float]) -> None:
         """Adds a point; a second one of the same name must be at the same place."""
@@ -63,6 +64,9 @@ class ControlPoints:
 
     def add_mark(self, photo: str, point: str, pixel: Sequence[float]) -> None:
         _check_finite(pixel)
+        if (photo, point) in self._marked:
+            raise ValueError(f"point '{point}' is marked in '{photo}' before")
+        self._marked.add((photo, point))
         self.marks.append(Mark(photo, point, (pixel[0], pixel[1])))
 
     def in_model(self, origin: GeoOrigin | None) -> dict[str, Floats]:

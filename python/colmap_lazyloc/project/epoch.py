@@ -44,9 +44,6 @@ class Survey:
         if found.ambiguous:
             raise InputError(f"--control_points: {next(iter(found.ambiguous.values()))}")
         images_of = {names[index]: image for index, image in found.photos.items()}
-        twice = [pair for pair, count in Counter((m.point, m.photo) for m in self.points.marks).items() if count > 1]
-        if twice:
-            raise InputError(f"--control_points: '{twice[0][0]}' is marked twice in '{twice[0][1]}'")
         missing = [name for index, name in enumerate(names) if index not in found.photos]
         if missing:
             logger.warning("--control_points: no photo of this run is %s", first_names(missing, 3))
