@@ -233,7 +233,8 @@ Rigid3d PoseAt(const PosePrior& prior, const Deviation& deviation) {
 
 class JointSolver {
  public:
-  explicit JointSolver(JointScene* scene) : scene_(*scene), deviations_(scene->images.size(), Deviation()) {
+  JointSolver(bool adjusts_only_points, JointScene* scene)
+      : scene_(*scene), deviations_(scene->images.size(), Deviation()) {
     poses_.reserve(scene_.images.size());
     for (size_t i = 0; i < scene_.images.size(); ++i) {
       const JointImage& image = scene_.images[i];
@@ -253,7 +254,11 @@ class JointSolver {
     for (size_t i = 0; i < params_.size(); ++i) {
       if (problem_.HasParameterBlock(params_[i].data())) FixParams(scene_.cameras[i], params_[i].data(), &problem_);
     }
-    AddPriors();
+    if (adjusts_only_points) {
+      FixAllButPoints();
+    } else {
+      AddPriors();
+    }
     AddSurveys();
   }
 
@@ -263,7 +268,7 @@ class JointSolver {
     ceres::Solver::Options solver;
     solver.linear_solver_type = ceres::SPARSE_SCHUR;
     solver.max_num_iterations = options.max_num_iterations;
-    solver.function_tolerance = 1e-7;
+    solver.function_tolerance = options.min_cost_change_ratio;
     solver.parameter_tolerance = 1e-12;
     solver.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
@@ -288,6 +293,15 @@ class JointSolver {
                                             : MakeCost(model_id, keypoint, noise_px, PhotoPlacement{}),
                                 new ceres::CauchyLoss(kLossScaleSigma), PoseBlock(observation.image),
                                 points_[index].data(), params_[image.camera].data());
+    }
+  }
+
+  void FixAllButPoints() {
+    for (size_t i = 0; i < poses_.size(); ++i) {
+      if (problem_.HasParameterBlock(PoseBlock(i))) problem_.SetParameterBlockConstant(PoseBlock(i));
+    }
+    for (std::vector<double>& params : params_) {
+      if (problem_.HasParameterBlock(params.data())) problem_.SetParameterBlockConstant(params.data());
     }
   }
 
@@ -331,12 +345,9 @@ class JointSolver {
 
   void WriteScene() {
     for (size_t i = 0; i < poses_.size(); ++i) {
+      if (!IsVariable(PoseBlock(i))) continue;
       JointImage& image = scene_.images[i];
-      if (image.prior) {
-        image.cam_from_world = PoseAt(*image.prior, deviations_[i]);
-      } else if (IsVariable(poses_[i].data())) {
-        image.cam_from_world = FromArray(poses_[i]);
-      }
+      image.cam_from_world = image.prior ? PoseAt(*image.prior, deviations_[i]) : FromArray(poses_[i]);
     }
     for (size_t i = 0; i < params_.size(); ++i) {
       if (IsVariable(params_[i].data())) scene_.cameras[i].camera.params = params_[i];
@@ -432,7 +443,7 @@ class JointSolver {
 }  // namespace
 
 JointAdjustment AdjustJointly(const JointAdjustmentOptions& options, JointScene* scene) {
-  return JointSolver(scene).Solve(options);
+  return JointSolver(options.adjusts_only_points, scene).Solve(options);
 }
 
 double ReprojectionErrorPx(const JointScene& scene, const JointPoint& point, const JointObservation& observation) {

@@ -11,7 +11,9 @@ namespace lazyloc {
 
 struct JointAdjustmentOptions {
   int max_num_iterations = 100;
+  double min_cost_change_ratio = 1e-7;  // of an iteration, below which adjustment ends
   bool computes_information = false;
+  bool adjusts_only_points = false;  // poses and cameras keep every bit
 };
 
 struct JointAdjustment {

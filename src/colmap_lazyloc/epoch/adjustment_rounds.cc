@@ -25,6 +25,8 @@ constexpr double kMinNoisePx = 0.2;
 constexpr size_t kMaxNumStartObservations = 500, kMaxNumObservations = 2000;
 // Number of observations that the common noise counts as in an image's estimate.
 constexpr double kNumCommonObservations = 20;
+// Of rounds whose poses are only where the next one starts.
+constexpr double kStartMinCostChangeRatio = 1e-5;
 constexpr int kMaxNumPointIterations = 5;  // because points are already near where they fit
 
 // Removes observations with errors above both bounds, those of images with too few, and points with fewer than two.
@@ -122,11 +124,10 @@ void RemoveControlPoints(JointScene* scene, ControlMarks* control) {
 
 // Moves the points to where they fit the poses best, which stay.
 void AdjustPoints(JointScene* scene) {
-  JointScene constant = *scene;
-  for (JointImage& image : constant.images) image.is_database = true;
-  for (JointCamera& camera : constant.cameras) camera.is_constant = true;
-  AdjustJointly({kMaxNumPointIterations}, &constant);
-  scene->points = std::move(constant.points);
+  JointAdjustmentOptions options;
+  options.max_num_iterations = kMaxNumPointIterations;
+  options.adjusts_only_points = true;
+  AdjustJointly(options, scene);
 }
 
 }  // namespace
@@ -148,6 +149,7 @@ AdjustedPhotos AdjustInRounds(JointScene* scene) {
     }
     JointAdjustmentOptions adjustment_options;
     adjustment_options.computes_information = round > 0;
+    if (!is_last) adjustment_options.min_cost_change_ratio = kStartMinCostChangeRatio;
     adjustment = AdjustJointly(adjustment_options, scene);
     RemoveControlPoints(scene, &control);
     if (!adjustment.summary.success) return {adjustment.summary, {}, {}};
@@ -156,12 +158,14 @@ AdjustedPhotos AdjustInRounds(JointScene* scene) {
     max_error_px = std::clamp(kMaxErrorSigma * LargestNoisePx(*scene), kMinMaxErrorPx, kStartMaxErrorPx);
   }
   const AdjustedPhotos photos{adjustment.summary, errors.PhotoCovariances(*scene, adjustment), std::move(control)};
-  const bool is_surveyed = !scene->control_points.empty();
-  if (is_surveyed) AdjustPoints(scene);  // to the photos, which do not return
-  errors.ReturnToGivenDatabase(adjustment, scene);
-  if (is_surveyed) return photos;
-  AdjustPoints(scene);
-  RemoveMisfits(0, scene);
+  if (scene->control_points.empty()) {
+    errors.ReturnToGivenDatabase(adjustment, scene);
+    AdjustPoints(scene);
+    RemoveMisfits(0, scene);
+  } else {
+    AdjustPoints(scene);  // to the photos, which do not return
+    errors.ReturnToGivenDatabase(adjustment, scene);
+  }
   return photos;
 }
 
