@@ -257,9 +257,9 @@ def _known_lengths(options: argparse.Namespace, database: Images, positions: Pos
     if options.scale is not None:
         first, second, metres = options.scale
         return Distance(database.linked[first], database.linked[second], float(metres))
-    if options.control_points is not None and options.poses is None and positions is None:
-        control: ControlPoints = options.control_points  # read by `check`
-        return control
+    if options.surveyed is not None and options.poses is None and positions is None:
+        surveyed: ControlPoints = options.surveyed
+        return surveyed
     if positions is None:
         return None
     linked = database.linked
@@ -271,7 +271,7 @@ def _survey(project: steps.Project, options: argparse.Namespace, images: Sequenc
     """Returns the control points that place the new photos, if they do; says early what is wrong with them."""
     if options.use_control_points is None:
         return None
-    survey = Survey(options.control_points, options.use_control_points)
+    survey = Survey(options.surveyed, options.use_control_points)
     survey.lines(images, project.folder.model)
     return survey
 

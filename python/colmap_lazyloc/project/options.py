@@ -294,7 +294,9 @@ def _separate_positions(options: argparse.Namespace) -> None:
 
 
 def _check_metres(options: argparse.Namespace) -> None:
-    """Checks --scale, --control_points and --crs, which act on a model of COLMAP's mapper, too."""
+    """Checks --scale, --control_points and --crs, which act on a model of COLMAP's mapper, too; reads the points as
+    `options.surveyed`."""
+    options.surveyed = None
     for name in ("control_points", "epoch"):
         if options.use_control_points is not None and getattr(options, name) is None:
             raise InputError(f"--use_control_points needs --{name}")
@@ -310,11 +312,10 @@ def _check_metres(options: argparse.Namespace) -> None:
             )
         if DATABASE in panorama_roles(options):
             raise InputError("--control_points has no effect on panoramas")
-        path = options.control_points[0]
         has_poses = options.poses is not None or options.positions is not None
-        options.control_points = read_control_points(options.control_points, options.crs, not has_poses)
-        if not options.control_points.points:
-            raise InputError(f"--control_points {path}: no point has coordinates")
+        options.surveyed = read_control_points(options.control_points, options.crs, not has_poses)
+        if not options.surveyed.points:
+            raise InputError(f"--control_points {options.control_points[0]}: no point has coordinates")
     if options.scale is not None:
         if options.poses is not None or options.positions is not None:
             raise InputError("--scale has no effect with --poses: their coordinates are used as they are")
