@@ -70,8 +70,9 @@ install_requirements() {
       num_done=$(find "$VENV_DIR"/lib/python*/site-packages -maxdepth 1 -name '*.dist-info' -newermt "@$start" | wc -l)
       share "unpacking Python packages" "$num_done" "$num_packages" packages
     else
-      # pip learns only while it downloads what the packages of the list need.
-      echo "$(share "downloading Python packages" "$(grep -cFf "$list" "$log")" \
+      # pip learns only while it downloads what the packages of the list need. Its lines end with what needs a package.
+      num_done=$(sed -nE 's/^(Collecting|Requirement already satisfied:) ([^ ]+).*/\2/p' "$log" | grep -cFf "$list" || true)
+      echo "$(share "downloading Python packages" "$num_done" \
         "$(grep -c . "$list")" "of the list"); $(grep -c '^ *Downloading' "$log") files with what these need"
     fi
   }

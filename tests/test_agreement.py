@@ -315,7 +315,11 @@ def test_camera_for_each_image_is_named(scene):
     one_camera, many_cameras = [FOCAL_PX] * 40, (FOCAL_PX * np.exp(random.normal(0, 0.5, 40))).tolist()
     measured_by_device = images_with(ours, offset_px=3.0)
     others = [*map(images_with, (one_camera, many_cameras, ours[:4], [*ours[1:], ours[1]])), measured_by_device]
-    assert [own_cameras(images) for images in others] == [""] * 5
+    spherical = [
+        dataclasses.replace(image, camera=Camera("EQUIRECTANGULAR", 640 + i, 320, (640.0 + i, 320.0)))
+        for i, image in enumerate(own)
+    ]
+    assert [own_cameras(images) for images in [*others, spherical]] == [""] * 6
     assert len(judge(scene.pairs, others[0], COLMAP, is_metric=True).lines()) == 1
 
 

@@ -19,7 +19,8 @@ def own_cameras(images: Sequence[PosedImage]) -> str:
     their principal points in the middle.
     """
     cameras = {image.camera for image in images}
-    if len(images) < MIN_NUM_IMAGES or len(cameras) < len(images) or len({camera.model for camera in cameras}) > 1:
+    models = {camera.model for camera in cameras}
+    if len(images) < MIN_NUM_IMAGES or len(cameras) < len(images) or len(models) > 1 or "EQUIRECTANGULAR" in models:
         return ""
     num = num_focal_lengths(images[0].camera.model)
     middles = np.array([[camera.width / 2, camera.height / 2] for camera in cameras])
@@ -30,6 +31,6 @@ def own_cameras(images: Sequence[PosedImage]) -> str:
         return ""
     return (
         f"each of the {len(images)} images has a camera of its own (half of their focal lengths are from {least:.0f} "
-        f"to {most:.0f} px): if one camera without zoom took them, poses get more accurate if you reconstruct with "
+        f"to {most:.0f} px): if one camera without zoom took them, poses are usually better if you reconstruct with "
         "--ImageReader.single_camera 1"
     )

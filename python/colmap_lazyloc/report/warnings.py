@@ -116,7 +116,7 @@ def _posed_images(run: Run) -> list[PosedImage]:
 def _own_cameras(run: Run) -> tuple[str, str, list[Item]]:
     line = own_cameras(_posed_images(run))
     items = [_item("all images", -1, line)] if line else []
-    return "Database poses are less accurate than they could be", "Queries have the same errors.", items
+    return "Each database image has a camera of its own", "Errors of the database poses are in all poses.", items
 
 
 def _wrong(run: Run) -> tuple[str, str, list[Item]]:

@@ -90,10 +90,9 @@ std::vector<int> PlacesOf(const PriorGroup& group, int num_queries, const JointA
 
 // Returns the information of the images on the deviations, without the priors, with all other parameters eliminated.
 // One coordinate of all frames after the other.
-Eigen::MatrixXd InformationOnDeviations(const SparseMatrix& information, const std::vector<int>& places,
-                                        const PriorPrecision& precision) {
-  const auto size = static_cast<Eigen::Index>(places.size());
-  Eigen::MatrixXd kept = InformationFactor(information, places).OnDeviations();
+Eigen::MatrixXd InformationOnDeviations(const InformationFactor& factor, const PriorPrecision& precision) {
+  Eigen::MatrixXd kept = factor.OnDeviations();
+  const Eigen::Index size = kept.rows() / 6;
   for (Eigen::Index k = 0; k < 6; ++k) kept.block(k * size, k * size, size, size) -= precision.Of(k);
   return kept;
 }
@@ -146,12 +145,12 @@ void DatabaseErrors::SetPriors(JointScene* scene) {
 void DatabaseErrors::Estimate(const JointScene& scene, const JointAdjustment& adjustment) {
   const PriorGroup& group = posed_.prior_groups[0];
   if (group.frames.empty() || group.frames.size() > kMaxNumDenseImages) return;
+  const InformationFactor factor(adjustment.information, PlacesOf(group, layout_.num_queries, adjustment));
+  if (!factor.Succeeded()) return;
   BundleAdjustmentResult result;
   result.posed = PosedBy(scene);
   result.prior_fits.push_back(
-      {MeasureDeviations(result.posed, group),
-       InformationOnDeviations(adjustment.information, PlacesOf(group, layout_.num_queries, adjustment),
-                               ComputePriorPrecision(group))});
+      {MeasureDeviations(result.posed, group), InformationOnDeviations(factor, ComputePriorPrecision(group))});
   priors_.Estimate(result, adjustment.variance_factor);
 }
 

@@ -87,7 +87,11 @@ ControlMarks Adjust(const std::function<void(const std::string&)>& report, Epoch
   report(Format("adjusted %d photos with %d database images and %d points: %s", static_cast<int>(epoch->photos.size()),
                 static_cast<int>(epoch->scene.images.size() - epoch->photos.size()),
                 static_cast<int>(epoch->scene.points.size()), adjusted.summary.message.c_str()));
-  if (adjusted.summary.success) TakeAdjusted(*epoch, adjusted, cameras, photos);
+  if (adjusted.summary.success) {
+    TakeAdjusted(*epoch, adjusted, cameras, photos);
+  } else {
+    for (const int photo : epoch->photos) (*photos)[photo].record.epoch->is_adjusted = false;
+  }
   return std::move(adjusted.control);
 }
 
@@ -100,7 +104,7 @@ bool IsContradicted(const EpochPhoto& photo) {
 
 // Takes their poses from photos that hang on others if adjustment contradicts these, or could not adjust the photos:
 // only adjustment takes into account how uncertain the others are. Returns how many there were.
-int RemoveContradicted(std::vector<EpochPhoto>* photos) {
+int RemoveUnconfirmed(std::vector<EpochPhoto>* photos) {
   int num_removed = 0;
   for (EpochPhoto& photo : *photos) {
     if (!photo.is_placed || !photo.refused) continue;
@@ -206,11 +210,11 @@ void ReportLeftOut(const std::vector<EpochPhoto>& photos, bool is_surveyed,
     if (++count <= kMaxNumNames) names += (count > 1 ? ", " : "") + photo.Name();
   }
   if (count == 0) return;
-  report(
-      Format("WARNING: %d of the photos could not be adjusted with the others (too few matches, or spherical) and "
-             "keep their poses%s: %s%s",
-             count, is_surveyed ? ", which do not follow the control points" : "", names.c_str(),
-             count > kMaxNumNames ? ", ..." : ""));
+  report(Format(
+      "WARNING: %d of the photos could not be adjusted with the others (for example spherical, or too few matches) and "
+      "keep their poses%s: %s%s",
+      count, is_surveyed ? ", which do not follow the control points" : "", names.c_str(),
+      count > kMaxNumNames ? ", ..." : ""));
 }
 
 // Counts the photos with poses by camera, and takes the first intrinsics of a camera from a photo that hangs.
@@ -278,8 +282,10 @@ std::vector<QueryRecord> AdjustEpoch(const Model& model, std::vector<Localizatio
   for (int i = 0;; ++i) {
     epoch = builder.Build(photos, cameras);
     Adjust(report, &epoch, &cameras, &photos);
-    const int num_removed = RemoveContradicted(&photos);
-    if (num_removed > 0) report(Format("%d photos do not fit those they hang on", num_removed));
+    const int num_removed = RemoveUnconfirmed(&photos);
+    if (num_removed > 0) {
+      report(Format("%d photos do not fit those they hang on, or could not be adjusted with them", num_removed));
+    }
     const int num_found = i < kMaxNumHangings ? HangPhotos(model, cameras, hanging, &photos) : 0;
     if (num_found > 0) report(Format("%d photos hang on others", num_found));
     if (num_found + num_removed == 0) break;

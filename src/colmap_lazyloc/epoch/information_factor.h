@@ -16,6 +16,7 @@ class InformationFactor {
   // first_deviations: index of the first of six consecutive parameters, by database image.
   InformationFactor(const Eigen::SparseMatrix<double>& information, const std::vector<int>& first_deviations);
 
+  // False if the information is singular. The other functions then have no result.
   bool Succeeded() const { return succeeded_; }
   // Returns the information on the deviations, with all other parameters eliminated: one coordinate of all images after
   // the other.

@@ -9,7 +9,8 @@
 namespace lazyloc {
 namespace {
 
-// Returns an information of 5 times 6 parameters, and 2 more, in which only neighbours have elements in common.
+// Returns an information of 5 times 6 parameters, in which only neighbours have elements in common, and of
+// 2 more, which have elements in common with all.
 Eigen::SparseMatrix<double> MakeInformation() {
   Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(100, 32);
   for (int row = 0; row < 100; ++row) {
@@ -30,7 +31,8 @@ TEST(InformationFactor, AgreesWithTheDenseInverse) {
   const Eigen::MatrixXd expected = covariance(deviations, deviations).inverse();
   EXPECT_TRUE(factor.OnDeviations().isApprox(expected, 1e-9));
 
-  const Eigen::MatrixXd by_deviations = Eigen::MatrixXd::Random(12, 6);
+  Eigen::MatrixXd by_deviations(12, 6);
+  for (int i = 0; i < by_deviations.size(); ++i) by_deviations(i) = std::sin(i * i);
   Eigen::MatrixXd gain = Eigen::MatrixXd::Zero(32, 6);
   gain.middleRows<6>(12).setIdentity();
   for (int i = 0; i < 12; ++i) gain.row(deviations[i]) = by_deviations.row(i);
@@ -42,6 +44,13 @@ TEST(InformationFactor, NeedsNoDeviations) {
   const InformationFactor factor(information, {});
   EXPECT_TRUE(factor.Covariance(24, Eigen::MatrixXd::Zero(0, 6))
                   .isApprox(Eigen::MatrixXd(information).inverse().block<6, 6>(24, 24), 1e-9));
+}
+
+TEST(InformationFactor, SingularInformationIsReported) {
+  Eigen::MatrixXd information = MakeInformation();
+  information.row(9).setZero();
+  information.col(9).setZero();
+  EXPECT_FALSE(InformationFactor(information.sparseView(), {6, 18}).Succeeded());
 }
 
 }  // namespace

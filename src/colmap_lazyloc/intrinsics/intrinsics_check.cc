@@ -52,9 +52,9 @@ IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const Intrin
   return estimate;
 }
 
-// Returns the variance that errors of the database images' focal lengths add to that of the log of an estimated one, if
-// each image has a camera of its own: that of their mean, because they show how well a photo of this scene determines
-// its focal length, and the poses of the database images have these errors.
+// Returns the variance of the mean of the logs of the database images' focal lengths, if no two are the same. Then
+// each was estimated from one image, and the pose of the image has the same error. An estimate that relies on these
+// poses errs with their mean. Zero if the cameras had different lenses.
 double VarianceByDatabase(const std::vector<ImagePair>& pairs) {
   std::set<double> logs;
   for (const ImagePair& pair : pairs) logs.insert(std::log(MeanFocalLength(pair.other_camera)));
@@ -115,13 +115,13 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       }
       // An estimated focal length moves with them.
       const auto log_focal_by_others = score.log_factor_from_correction.tail<kNumOtherCorrections>();
-      const double variance_by_database = camera ? VarianceByDatabase(problem.pairs) : 0;
-      const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) + variance_by_database +
+      const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) +
                                                 log_focal_by_others.dot(mean_square * log_focal_by_others));
       if (camera && (log_focal_stddev > kMaxLogFocalStddev || result.focal_factor < kMinFocalFactor)) {
         throw Failure{QueryStatus::UNKNOWN_CAMERA, kUnknownFocalLengthReason};
       }
-      result.focal_factor_stddev = result.focal_factor * log_focal_stddev;
+      const double variance_by_database = camera ? VarianceByDatabase(problem.pairs) : 0;
+      result.focal_factor_stddev = result.focal_factor * std::hypot(log_focal_stddev, std::sqrt(variance_by_database));
       pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
       pose.log_focal_variance = JudgeIntrinsics(problem.query_camera, estimate, camera.has_value(), options, &result);
       pose.log_focal_variance += variance_by_database;

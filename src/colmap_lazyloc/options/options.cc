@@ -275,15 +275,15 @@ size_t EditDistance(const std::string& from, const std::string& to) {
   return distances.back();
 }
 
-// Returns what an error about an unknown option ends with: the nearest option, or nothing. A name may lack its end, or
-// what is before its last dot.
+// Returns what an error about an unknown option ends with: the nearest option, or nothing. What is before the last dot
+// does not count, and a name may lack its end.
 std::string Nearest(const std::string& name, const po::options_description& known) {
+  const auto last = [](const std::string& full) { return full.substr(full.rfind('.') + 1); };
   std::string nearest;
-  size_t best = name.size() / 3 + 1;
+  size_t best = last(name).size() / 3 + 1;
   for (const auto& option : known.options()) {
     const std::string& full = option->long_name();
-    const size_t distance = std::min({EditDistance(name, full), EditDistance(name, full.substr(full.rfind('.') + 1)),
-                                      full.rfind(name, 0) == 0 ? size_t{1} : full.size()});
+    const size_t distance = full.rfind(name, 0) == 0 ? 1 : EditDistance(last(name), last(full));
     if (distance < best) {
       best = distance;
       nearest = "; the nearest is --" + full;

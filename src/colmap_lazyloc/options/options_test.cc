@@ -111,6 +111,8 @@ TEST_F(OptionsTest, UnknownNamesAreErrors) {
   ExpectError({"--num_threads", "2"}, "unknown option --num_threads; the nearest is --LazyLocalizer.num_threads (see");
   ExpectError({"--LazyLocaliser.seed=2"}, "unknown option --LazyLocaliser.seed; the nearest is --LazyLocalizer.seed");
   ExpectError({"--input", "x"}, "unknown option --input; the nearest is --input_path (see");
+  ExpectError({"--LazyLocalizer.use_rigs", "0"}, "; the nearest is --LazyLocalizer.Advanced.use_rigs (see");
+  ExpectError({"--LazyLocalizer.epoch", "0"}, "unknown option --LazyLocalizer.epoch (see");
   ExpectError({"--epoch", "1"}, "unknown option --epoch (see colmap lazy_localizer -h)");
   CommandOptions options;
   EXPECT_THAT(

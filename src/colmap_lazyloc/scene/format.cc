@@ -10,7 +10,7 @@ namespace {
 
 std::string Shortened(const std::string& word) {
   if (word.size() <= 1000) return word;
-  return word.substr(0, 50) + "..." + word.substr(word.size() - 10);
+  return ValidUtf8(word.substr(0, 50)) + "..." + ValidUtf8(word.substr(word.size() - 10));
 }
 
 }  // namespace
