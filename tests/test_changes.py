@@ -32,7 +32,7 @@ def box(random, count=120):
 class Scene:
     """Photographs points of two epochs. names: what makes two points the same one, for the features."""
 
-    def __init__(self, old, new, old_names, new_names, photos_of_wall=NUM_PHOTOS):
+    def __init__(self, old, new, old_names, new_names, photos_of_wall=NUM_PHOTOS, noise_px=NOISE_PX):
         random = np.random.default_rng(5)
         self.photos_of_wall = photos_of_wall
         centres, rotations, self.pixels, self.seen = [], [], [], []
@@ -44,7 +44,7 @@ class Scene:
                 rotations.append(rotation)
                 self._add(points, names, centre, rotation, is_near_only=epoch == 1 and i >= photos_of_wall)
         sizes = [len(pixels) for pixels in self.pixels]
-        pixels = np.concatenate(self.pixels) + random.normal(0, NOISE_PX, (sum(sizes), 2))
+        pixels = np.concatenate(self.pixels) + random.normal(0, noise_px, (sum(sizes), 2))
         self.photos = Photos(
             [f"{i:02}" for i in range(2 * NUM_PHOTOS)],
             np.repeat([False, True], NUM_PHOTOS),
@@ -90,14 +90,16 @@ class Scene:
         return find_changes(self.photos, old, new, link(old, new, self.matches(lambda a, b: a != b)))
 
 
-def make(old_box, new_box, **more):
+def make(old_box, new_box, num_in_box=120, **more):
     random = np.random.default_rng(1)
     behind = wall(random)
     names = [f"wall{i}" for i in range(len(behind))]
-    boxes = [f"box{i}" for i in range(len(box(random)))]
+    boxes = [f"box{i}" for i in range(num_in_box)]
     epochs = []
     for shift in (old_box, new_box):
-        points = behind if shift is None else np.concatenate([behind, box(np.random.default_rng(2)) + shift])
+        points = (
+            behind if shift is None else np.concatenate([behind, box(np.random.default_rng(2), num_in_box) + shift])
+        )
         epochs.append((points, names if shift is None else names + boxes))
     return Scene(epochs[0][0], epochs[1][0], epochs[0][1], epochs[1][1], **more)
 
@@ -113,6 +115,11 @@ def test_moved_box_has_its_displacement_and_deviation():
     assert np.all(np.abs(error) < 4 * np.array(change["displacement_stddevs"])) and np.linalg.norm(error) < 0.01
     assert np.all(np.array(change["displacement_stddevs"]) < 0.01) and change["rotation_deg"] < 0.5
     assert len(change["database_photos"]) == len(change["new_photos"]) == NUM_PHOTOS
+
+
+def test_thing_with_a_dense_texture_moves_by_less_than_its_size():
+    (change,) = make(np.zeros(3), SHIFT, num_in_box=600, noise_px=1.0).changes()
+    assert change["kind"] == "moved" and change["num_points"] > 500
 
 
 @pytest.mark.parametrize("kind", ["vanished", "new"])

@@ -20,7 +20,9 @@ NUM_SAMPLES = 2000
 MAX_MISFIT_SIGMA = 4.0  # of a point from the motion of its thing
 NUM_NEIGHBORS = 5  # among which most points of a thing have moved
 MAX_STATIC_SHARE = 0.5
-MAX_REPEATED_SHARE = 0.2  # of the points of a thing that both epochs show at one place
+# Share of the points of a thing that both epochs show at one place, within these deviations: more is a pattern that
+# repeats, less is chance in a dense texture.
+MAX_REPEATED_SHARE, MAX_REPEATED_SIGMA = 0.1, 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,7 +158,7 @@ def _is_repeated(old: Points, new: Points, links: Links, chosen: Array) -> bool:
     for points, other in ((new.places[links.new[chosen]], old.places), (old.places[links.old[chosen]], new.places)):
         nearest = other[cKDTree(other).query(points)[1]]
         sigma = np.sqrt(_chi2(nearest - points, links.covariance[chosen]))
-        if np.mean(sigma < MAX_STATIC_SIGMA) > MAX_REPEATED_SHARE:
+        if np.mean(sigma < MAX_REPEATED_SIGMA) > MAX_REPEATED_SHARE:
             return True
     return False
 
