@@ -28,9 +28,10 @@ from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.demo import textures
 from colmap_lazyloc.demo.renderer import RayGrid, Rectangle, render
 from colmap_lazyloc.demo.textures import Colour
-from colmap_lazyloc.errors import Parser, command, logger
+from colmap_lazyloc.errors import Parser, command
 from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.poses import Pose, look_at, write_poses
+from colmap_lazyloc.project.colmap_runner import ProgressBar
 
 # The courtyard in metres: x east, y north, z up, the origin on the ground in the middle.
 SIZE = np.array([16.0, 12.0, 6.0])
@@ -210,12 +211,14 @@ def write_images(folder: pathlib.Path, rectangles: list[Rectangle], views: list[
     for stale in folder.glob("[0-9]*.jpg"):
         stale.unlink()
     rays = RayGrid(views[0].camera)
-    for index, view in enumerate(views):
-        picture = render(rectangles, rays, view.pose, sky)
-        photo = photograph(picture, np.random.default_rng([seed, stream, index]))
-        path = folder / pathlib.Path(view.name).name
-        if not cv2.imwrite(str(path), photo, [cv2.IMWRITE_JPEG_QUALITY, 95]):
-            raise OSError(f"{path}: cannot be written")
+    with ProgressBar(f"rendering photos into {folder}", len(views), "photos") as bar:
+        for index, view in enumerate(views):
+            picture = render(rectangles, rays, view.pose, sky)
+            photo = photograph(picture, np.random.default_rng([seed, stream, index]))
+            path = folder / pathlib.Path(view.name).name
+            if not cv2.imwrite(str(path), photo, [cv2.IMWRITE_JPEG_QUALITY, 95]):
+                raise OSError(f"{path}: cannot be written")
+            bar.show(index + 1, len(views), "photos")
 
 
 def write_database_model(folder: pathlib.Path, views: list[View]) -> None:
@@ -251,7 +254,6 @@ def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_qu
     scene_path = output / "scene.json"
     if scene_path.exists() and scene_path.read_text() == _as_json(description):
         return False
-    logger.info("rendering %d photos into %s", num_database_images + num_query_images, output)
     output.mkdir(parents=True, exist_ok=True)
     scene_path.unlink(missing_ok=True)
     rectangles = build_scene(seed)
