@@ -154,8 +154,8 @@ def _find_database(options: argparse.Namespace, folder: pathlib.Path) -> dict[st
     """Returns the paths of the database images by name; checks that --scale names two of them, and
     that --control_points has enough marks in them."""
     photos = find_photos(folder, _excluded(options))
-    if options.control_points is not None and options.poses is None and options.positions is None:
-        check_marks(options.control_points, photos, folder)
+    if options.surveyed is not None and options.poses is None and options.positions is None:
+        check_marks(options.surveyed, photos, folder)
     if options.scale is None:
         return photos
     first, second, _ = options.scale
