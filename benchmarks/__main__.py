@@ -5,6 +5,7 @@ import sys
 
 COMMANDS = {
     "epoch": ("epoch", "new photos localized alone, adjusted together, and in a model that may move everything"),
+    "epoch_size": ("epoch_size", "time and memory of a second epoch of 50 to 2,000 photos, beside COLMAP's mapper"),
     "run": ("localization.run", "several methods on the scenes of a dataset: tables, plots, figures as CSV"),
     "compare": ("localization.compare", "runs side by side, or against expected figures; fails on a regression"),
     "groups": ("localization.groups", "queries localized jointly, as frames of a rig, as pieces of a trajectory"),
