@@ -36,10 +36,10 @@ export function statusColor(name: string): string {
 }
 
 // Returns database frustums', truth's and selected things' colours, for scene and plan alike.
-export function sceneColors(): Record<"database" | "truth" | "selected" | "rays" | "links" | "changes", string> {
+export function sceneColors(): Record<"database" | "truth" | "selected" | "rays" | "links" | "changes" | "control", string> {
   return isDark()
-    ? { database: "#8b929c", truth: "#dddddd", selected: "#ffffff", rays: "#2fc79a", links: "#d59bc0", changes: "#ff8c42" }
-    : { database: "#8a8f98", truth: "#333333", selected: "#111111", rays: "#009e73", links: "#a2508a", changes: "#c2410c" };
+    ? { database: "#8b929c", truth: "#dddddd", selected: "#ffffff", rays: "#2fc79a", links: "#d59bc0", changes: "#ff8c42", control: "#f0e442" }
+    : { database: "#8a8f98", truth: "#333333", selected: "#111111", rays: "#009e73", links: "#a2508a", changes: "#c2410c", control: "#8a7400" };
 }
 
 const errorBoundsOf = new WeakMap<Queries, number[]>();

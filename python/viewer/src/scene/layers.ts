@@ -135,7 +135,7 @@ export class Layers {
     this.databaseConnections.set(linesBetween(scene.databaseConnections, scene.databaseCentres, () => true), colors.database);
     this.changes.set(scene.changes, colors.changes);
     this.shifts.set(scene.shifts, colors.links);
-    this.control.set(scene.controlResiduals, Array.from(scene.controlIsNew, (isNew) => (isNew ? colors.changes : colors.selected)));
+    this.control.set(scene.controlResiduals, Array.from(scene.controlIsNew, (isNew) => (isNew ? colors.control : colors.selected)));
     const withDatabase = linesToOthers(scene.overlapDatabase, scene.queryCentres, scene.databaseCentres, isDrawn, () => true);
     const withOthers = linesBetween(scene.overlapQueries, scene.queryCentres, isDrawn);
     const tints = [colors.database, colors.rays].flatMap((color, i) => Array<string>([withDatabase, withOthers][i].length / 6).fill(color));

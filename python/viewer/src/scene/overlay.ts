@@ -54,10 +54,13 @@ export class Overlay {
     add(queriesOf(this.data, (query) => hasBearing(scene, query)) > 0, "bearings", "dash", () => statusColor("SCALE_UNOBSERVABLE"), "Bearing without distance");
     add(scene.changes.length > 0, "changes", "line", () => sceneColors().changes, "Moved, vanished or new");
     add(scene.shifts.length > 0, "shifts", "line", () => sceneColors().links, `Moved by joint adjustment \u00d7 ${scene.shiftFactor}`);
-    const hasControl = (isNew: number) => scene.controlIsNew.includes(isNew);
-    const residual = `residual \u00d7 ${scene.controlFactor}`;
-    add(hasControl(1), "control", "line", () => sceneColors().changes, `Control points in new photos: ${residual}`);
-    if (hasControl(0)) legend.append(this.fixed(() => sceneColors().selected, `In database images: ${residual}`));
+    const residuals = `Residuals \u00d7 ${scene.controlFactor} of control points in`;
+    const hasNew = scene.controlIsNew.includes(1);
+    add(hasNew, "control", "line", () => sceneColors().control, `${residuals} new photos`);
+    if (scene.controlIsNew.includes(0)) {
+      const row = [() => sceneColors().selected, `${residuals} database images`] as const;
+      legend.append(hasNew ? this.fixed(...row) : this.layer("control", "line", ...row));
+    }
     const overlaps = scene.overlapDatabase.length + scene.overlapQueries.length > 0;
     add(overlaps, "overlap", "line", () => sceneColors().database, "Common matches with database images", false);
     if (overlaps) legend.append(this.fixed(() => sceneColors().rays, "Common matches of new photos"));
