@@ -99,6 +99,18 @@ def test_aliked_features_localize_what_sift_does_not(scene, localize, with_model
     assert fingerprint(scene.photos.folder) == before
 
 
+def test_points_of_the_model_project_to_stored_keypoints(with_models):
+    """Also if the features of the fallback are others than those of the database."""
+    pycolmap = pytest.importorskip("pycolmap", minversion="4")
+    model = pycolmap.Reconstruction(with_models.output_path / "model")
+    errors_px = [
+        np.linalg.norm(image.project_point(model.points3D[pixel.point3D_id].xyz) - pixel.xy)
+        for image in model.images.values()
+        for pixel in image.get_observation_points2D()
+    ]
+    assert len(errors_px) > 100 and np.max(errors_px) < 20
+
+
 def test_group_keeps_the_better_attempt_for_each_photo(scene, localize, with_models):
     run = localize(*scene.arguments("--onnx_path", MODELS_PATH, "--LazyLocalizer.group_size", 2))
     scene.assert_localized(run)

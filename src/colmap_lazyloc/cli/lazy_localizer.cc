@@ -119,6 +119,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
 
   const QueryRecords records({run.RecordsPath()});
   DatabaseContent database = {source.Database(), source.Selection().DatabaseImages()};
+  database.was_matched_with_them = [&](const QueryRecord& record) { return source.HasStoredKeypoints(record); };
   if (options.source.photos.on_demand) {
     database.extracted_keypoints = [&](const std::string& name) { return source.ExtractedKeypoints(name); };
   }

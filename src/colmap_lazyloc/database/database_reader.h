@@ -17,6 +17,8 @@
 
 namespace lazyloc {
 
+struct QueryRecord;
+
 struct DatabaseImage {
   uint32_t image_id = 0;
   uint32_t camera_id = 0;
@@ -91,6 +93,9 @@ struct DatabaseContent {
   const std::vector<DatabaseImage>& images;
   // Returns the keypoints of an image that has none in the database, but had some in the run; null if there are none.
   std::function<std::vector<Eigen::Vector2d>(const std::string&)> extracted_keypoints = nullptr;
+  // True if a query was matched with these keypoints of the database images, and not with others, as of fallback
+  // features; null if all were.
+  std::function<bool(const QueryRecord&)> was_matched_with_them = nullptr;
 };
 
 }  // namespace lazyloc

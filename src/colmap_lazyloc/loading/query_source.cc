@@ -233,7 +233,7 @@ void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loade
   if (!depth_maps_) return;
   for (QueryImage& query : loaded->group.images) {
     QueryRecord& record = loaded->records[&query - loaded->group.images.data()];
-    const bool has_stored_keypoints = !record.matcher || Photos().HasStoredKeypoints(record);
+    const bool has_stored_keypoints = HasStoredKeypoints(record);
     const StageTimer timer("depth", &record.seconds);
     for (ImagePair& pair : query.problem.pairs) {
       const DatabaseImage* image = selection_.FindInDatabase(pair.other_name);

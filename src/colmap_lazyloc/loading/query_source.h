@@ -115,6 +115,10 @@ class QuerySource {
   std::vector<Eigen::Vector2d> ExtractedKeypoints(const std::string& image_name) const {
     return photo_loader_ ? photo_loader_->ExtractedKeypoints(image_name) : std::vector<Eigen::Vector2d>();
   }
+  // True if a query was matched with the keypoints of database images that the database has, or else the first attempt.
+  bool HasStoredKeypoints(const QueryRecord& record) const {
+    return !record.matcher || Photos().HasStoredKeypoints(record);
+  }
   // Publishes the photos' features and matches, if they are kept.
   void PublishMatches() const;
 

@@ -157,7 +157,7 @@ void WriteModel(const std::filesystem::path& folder, const std::filesystem::path
   }
   if (model.geographic_origin) WriteGeoFile(folder / kGeoFile, *model.geographic_origin);
   ExternalSorter<PointObservation> observations(scratch_file, kMaxNumObservationsInMemory);
-  WritePoints(folder / "points3D.bin", model, merged, records, &observations);
+  WritePoints(folder / "points3D.bin", model, merged, records, database.was_matched_with_them, &observations);
   ImageWriter images(folder / "images.bin", model, merged, records, database);
   observations.Visit([&](const PointObservation& observation) { images.Add(observation); });
   images.Close();

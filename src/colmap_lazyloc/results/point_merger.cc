@@ -13,8 +13,14 @@ namespace {
 class PointWriter {
  public:
   PointWriter(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
-              const QueryRecords& records, ExternalSorter<PointObservation>* observations)
-      : model_(model), merged_(merged), records_(records), observations_(*observations), file_(path) {
+              const QueryRecords& records, const std::function<bool(const QueryRecord&)>& was_matched,
+              ExternalSorter<PointObservation>* observations)
+      : model_(model),
+        merged_(merged),
+        records_(records),
+        was_matched_(was_matched),
+        observations_(*observations),
+        file_(path) {
     file_.WriteBinary<uint64_t>(0);  // the number of points, which is known at the end
   }
 
@@ -29,7 +35,9 @@ class PointWriter {
 
  private:
   void AddQuery(size_t index) {
-    const LocalizationResult query = records_.Read(index, RecordParts::ALL).result;
+    const QueryRecord record = records_.Read(index, RecordParts::ALL);
+    if (was_matched_ && !was_matched_(record)) return;
+    const LocalizationResult& query = record.result;
     const uint32_t query_image = merged_.image_of_query[index];
     std::vector<uint32_t> pair_images;
     for (const PairResult& pair : query.pairs) pair_images.push_back(ImageOf(pair.database_name));
@@ -81,6 +89,7 @@ class PointWriter {
   const Model& model_;
   const MergedModel& merged_;
   const QueryRecords& records_;
+  const std::function<bool(const QueryRecord&)>& was_matched_;
   ExternalSorter<PointObservation>& observations_;
   OutputFile file_;
   std::unordered_map<uint32_t, std::vector<bool>> is_observed_;  // keypoints that observe a point already, by image
@@ -90,8 +99,9 @@ class PointWriter {
 }  // namespace
 
 void WritePoints(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
-                 const QueryRecords& records, ExternalSorter<PointObservation>* observations) {
-  PointWriter(path, model, merged, records, observations).WriteAll();
+                 const QueryRecords& records, const std::function<bool(const QueryRecord&)>& was_matched,
+                 ExternalSorter<PointObservation>* observations) {
+  PointWriter(path, model, merged, records, was_matched, observations).WriteAll();
 }
 
 }  // namespace lazyloc

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <tuple>
 
 #include "colmap_lazyloc/files/external_sorter.h"
@@ -25,9 +26,12 @@ struct PointObservation {
 // - A keypoint observes at most one point. If the points of two queries meet in a keypoint, the first query keeps it
 //   and the other's point loses this observation. A point with fewer than two observations is dropped.
 // - Observations by images that are not in the merged model are left out.
+// - So are queries that were matched with other keypoints than those of the database images. was_matched: see
+//   DatabaseContent.
 // Memory: a bit for each observed keypoint of a database image, and the points of one query. Throws InputError naming
 // the file if it cannot be written.
 void WritePoints(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
-                 const QueryRecords& records, ExternalSorter<PointObservation>* observations);
+                 const QueryRecords& records, const std::function<bool(const QueryRecord&)>& was_matched,
+                 ExternalSorter<PointObservation>* observations);
 
 }  // namespace lazyloc
