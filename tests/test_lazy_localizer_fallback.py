@@ -111,6 +111,17 @@ def test_points_of_the_model_project_to_stored_keypoints(with_models):
     assert len(errors_px) > 100 and np.max(errors_px) < 20
 
 
+def test_model_of_merged_shards_is_the_same(scene, localize, with_models, colmap, tmp_path):
+    for shard in ("1", "2"):
+        words = scene.arguments("--onnx_path", MODELS_PATH, "--shard", f"{shard}/2")
+        localize(*words, output_path=tmp_path / "shards" / shard)
+    merged = tmp_path / "merged"
+    words = [colmap, "lazy_merger", "--input_path", tmp_path / "shards", "--output_path", merged]
+    subprocess.run(list(map(str, words)), check=True, capture_output=True, timeout=300)
+    points = [(folder / "model" / "points3D.bin").read_bytes() for folder in (with_models.output_path, merged)]
+    assert points[0] == points[1]
+
+
 def test_group_keeps_the_better_attempt_for_each_photo(scene, localize, with_models):
     run = localize(*scene.arguments("--onnx_path", MODELS_PATH, "--LazyLocalizer.group_size", 2))
     scene.assert_localized(run)

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/cli/run_results.h"
+#include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/options/options.h"
 #include "colmap_lazyloc/results/leave_one_out.h"
@@ -70,8 +71,15 @@ int Run(const std::string& own_path, const MergerOptions& options) {
     const auto is_query = [&](const ModelImage& image) { return records.Find(image.name).has_value(); };
     model.images.erase(std::remove_if(model.images.begin(), model.images.end(), is_query), model.images.end());
   }
-  const auto leave_one_out = WriteResults(run, manifest, model, {database, database.ReadImages()}, records, {},
-                                          /*staging_parent=*/{}, &writer);
+  const std::vector<DatabaseImage> images = database.ReadImages();
+  DatabaseContent content = {database, images};
+  const DescriptorCounts counts = FeatureReader(run.source.database_path).Counts();
+  if (!counts.of_image.empty() && !IsAliked(counts.type)) {  // fallback features are ALIKED's
+    content.was_matched_with_them = [](const QueryRecord& record) {
+      return !record.matcher || record.matcher == MatcherType::SIFT_BRUTEFORCE;
+    };
+  }
+  const auto leave_one_out = WriteResults(run, manifest, model, content, records, {}, /*staging_parent=*/{}, &writer);
   Progress({records.Size(), records.Size(), 0}, /*log_path=*/{}, /*append_log=*/false).PrintSummary(records);
   if (leave_one_out) std::cerr << FormatLeaveOneOut(*leave_one_out);
   PrintReportCommand(own_path, run);
