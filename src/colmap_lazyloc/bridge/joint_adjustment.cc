@@ -154,10 +154,11 @@ class JointSolver {
       const int model_id = scene_.cameras[image.camera].camera.model_id;
       const Eigen::Vector2d& keypoint = image.keypoints[observation.keypoint];
       const double noise_px = survey ? survey->mark_noise_px : image.noise_px;
-      problem_.AddResidualBlock(image.prior ? MakeReprojectionCost(model_id, keypoint, noise_px, DatabasePlacement{*image.prior})
-                                            : MakeReprojectionCost(model_id, keypoint, noise_px, PhotoPlacement{}),
-                                new ceres::CauchyLoss(kLossScaleSigma), PoseBlock(observation.image),
-                                points_[index].data(), params_[image.camera].data());
+      problem_.AddResidualBlock(
+          image.prior ? MakeReprojectionCost(model_id, keypoint, noise_px, DatabasePlacement{*image.prior})
+                      : MakeReprojectionCost(model_id, keypoint, noise_px, PhotoPlacement{}),
+          new ceres::CauchyLoss(kLossScaleSigma), PoseBlock(observation.image), points_[index].data(),
+          params_[image.camera].data());
     }
   }
 
