@@ -33,7 +33,7 @@ int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
 std::vector<Eigen::Vector2d> InDouble(const Points& points) {
   std::vector<Eigen::Vector2d> in_double;
   in_double.reserve(points.size());
-  for (const Eigen::Vector2f& point : points) in_double.push_back(point.cast<double>());
+  for (const Eigen::Vector2f& point : points) in_double.emplace_back(point.cast<double>());
   return in_double;
 }
 
