@@ -30,9 +30,9 @@ import scipy.optimize
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError, Parser, command, first_names, logger
 from colmap_lazyloc.model import Camera, is_model, read_model
-from colmap_lazyloc.pose_formats.control_points import Mark, read_control_points
+from colmap_lazyloc.pose_formats.control_points import Mark, MarkedPhotos, read_control_points
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
-from colmap_lazyloc.pose_formats.naming import Names, natural_key
+from colmap_lazyloc.pose_formats.naming import natural_key
 from colmap_lazyloc.pose_formats.raw_poses import MAX_NUM_NAMED
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.pycolmap_types import image_from_cam, to_pycolmap_camera, to_rigid3d
@@ -116,11 +116,10 @@ def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> tuple[dict[tu
 
     Names marks that are outside of their photo, and leaves them out.
     """
-    names = sorted({mark.photo for mark in marks})
-    found = Names.among(names, sorted(photos))
-    if found.ambiguous:
-        raise InputError(f"marks: {next(iter(found.ambiguous.values()))}")
-    photo_of = {names[index]: photos[photo] for index, photo in found.photos.items()}
+    marked = MarkedPhotos.among(marks, photos)
+    if marked.ambiguous:
+        raise InputError(f"marks: {marked.ambiguous}")
+    photo_of = {name: photos[image] for name, image in marked.images.items()}
     views: dict[tuple[str, str], list[View]] = {}
     missing = set()
     for mark in marks:

@@ -4,7 +4,7 @@ import dataclasses
 import pathlib
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.pose_formats import odm_geo
 from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, NO_FRAME, Frame
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs
+from colmap_lazyloc.pose_formats.naming import Names
 from colmap_lazyloc.pose_formats.opensfm import grid_name
 from colmap_lazyloc.pose_formats.positions import GEODETIC
 from colmap_lazyloc.pose_formats.raw_poses import each_named, errors_named
@@ -45,6 +46,26 @@ class Mark:
     photo: str
     point: str
     pixel: tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class MarkedPhotos:
+    """`images`: by the name of a photo in marks, the image that it means; `missing`: names that mean none; `ambiguous`:
+    why the first of these that could mean several does not, empty if there is none."""
+
+    images: dict[str, str]
+    missing: list[str]
+    ambiguous: str
+
+    @staticmethod
+    def among(marks: Iterable[Mark], images: Iterable[str]) -> "MarkedPhotos":
+        names = sorted({mark.photo for mark in marks})
+        found = Names.among(names, sorted(images))
+        return MarkedPhotos(
+            {names[index]: image for index, image in found.photos.items()},
+            [name for index, name in enumerate(names) if index not in found.photos],
+            next(iter(found.ambiguous.values()), ""),
+        )
 
 
 @dataclasses.dataclass

@@ -12,8 +12,7 @@ import numpy as np
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.model import poses_of, read_model
-from colmap_lazyloc.pose_formats.control_points import POINT_STDDEV_M, ControlPoints
-from colmap_lazyloc.pose_formats.naming import Names
+from colmap_lazyloc.pose_formats.control_points import POINT_STDDEV_M, ControlPoints, MarkedPhotos
 from colmap_lazyloc.pose_formats.posed_images import Positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
@@ -116,11 +115,11 @@ def align_to_positions(
 
 def check_marks(control: ControlPoints, photos: Iterable[str], source: pathlib.Path) -> None:
     """Raises an InputError if too few control points have marks in photos of a folder."""
-    names = sorted({mark.photo for mark in control.marks})
-    found = {names[index] for index in Names.among(names, sorted(photos)).photos}
-    seen = {(mark.point, mark.photo) for mark in control.marks if mark.photo in found and mark.point in control.points}
-    count = sum(num_photos > 1 for num_photos in Counter(point for point, _ in seen).values())
+    marked = MarkedPhotos.among(control.marks, photos)
+    seen = Counter(mark.point for mark in control.marks if mark.photo in marked.images and mark.point in control.points)
+    count = sum(num_photos > 1 for num_photos in seen.values())
     if count < MIN_NUM_POINTS:
+        names = sorted([*marked.images, *marked.missing])
         raise InputError(
             f"--control_points: {count} points have marks in two or more photos of {source}, and {MIN_NUM_POINTS} are "
             f"needed; marked photos: {first_names(names, 3)}"

@@ -12,9 +12,8 @@ from colmap_lazyloc.cluster.task import command_line
 from colmap_lazyloc.database import DatabaseReader, copy_database, set_cameras
 from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.model import Camera, read_model
-from colmap_lazyloc.pose_formats.control_points import ControlPoints
+from colmap_lazyloc.pose_formats.control_points import ControlPoints, MarkedPhotos
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
-from colmap_lazyloc.pose_formats.naming import Names
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 from colmap_lazyloc.program import has_command
 from colmap_lazyloc.project.colmap_runner import ProgressBar
@@ -39,20 +38,17 @@ class Survey:
     def lines(self, images: Iterable[str], model: pathlib.Path) -> list[str]:
         """Returns the file of control points of lazy_epoch, with the marks in these images."""
         places = self.points.in_model(GeoOrigin.read(model))
-        names = sorted({mark.photo for mark in self.points.marks})
-        found = Names.among(names, sorted(images))
-        if found.ambiguous:
-            raise InputError(f"--control_points: {next(iter(found.ambiguous.values()))}")
-        images_of = {names[index]: image for index, image in found.photos.items()}
-        missing = [name for index, name in enumerate(names) if index not in found.photos]
-        if missing:
-            logger.warning("--control_points: no photo of this run is %s", first_names(missing, 3))
+        marked = MarkedPhotos.among(self.points.marks, images)
+        if marked.ambiguous:
+            raise InputError(f"--control_points: {marked.ambiguous}")
+        if marked.missing:
+            logger.warning("--control_points: no photo of this run is %s", first_names(marked.missing, 3))
         lines = []
         for point, place in places.items():
-            marks = [mark for mark in self.points.marks if mark.point == point and mark.photo in images_of]
+            marks = [mark for mark in self.points.marks if mark.point == point and mark.photo in marked.images]
             if marks:
                 lines.append(" ".join(["point", point, *map(repr, place.tolist()), *[repr(self.stddev)] * 3]))
-            lines += [f"mark {images_of[mark.photo]} {mark.pixel[0]!r} {mark.pixel[1]!r}" for mark in marks]
+            lines += [f"mark {marked.images[mark.photo]} {mark.pixel[0]!r} {mark.pixel[1]!r}" for mark in marks]
         if not lines:
             raise InputError("--control_points: no point with coordinates has a mark in a photo of this run")
         return lines
