@@ -32,7 +32,8 @@ using PoseDerivatives = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 // Returns the covariance of a query frame's score, with the variances that the adjustment shows and the errors that
 // images share.
 IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, const IntrinsicsScore& score) {
-  IntrinsicsScore::Matrix covariance = refined.variance_factor * score.information + score.shared_errors;
+  IntrinsicsScore::Matrix covariance =
+      score.common_error_factor * (refined.variance_factor * score.information + score.shared_errors);
   for (const auto& [group, component, variance] : refined.missing_variances) {
     covariance += variance * score.component_covariances[group][component];
   }
