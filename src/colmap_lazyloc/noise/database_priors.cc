@@ -31,8 +31,9 @@ constexpr double kMinVarianceShare = 1e-3;
 constexpr size_t kNumComponents = 3;  // errors that change with the viewpoint, independent rotations, positions
 
 double ViewpointVariance(const Rigid3d& a, const Rigid3d& b, double scene_distance) {
-  // Takes the chord 2 sin(angle / 2), because the covariances are positive definite for distances in a Euclidean space.
-  const double chord = (a.rotation.toRotationMatrix() - b.rotation.toRotationMatrix()).norm() / std::sqrt(2);
+  // Takes the directions of view, because a camera that is turned on its side sees the same. Takes their chord
+  // 2 sin(angle / 2), because the covariances are positive definite for distances in a Euclidean space.
+  const double chord = (a.rotation.toRotationMatrix().row(2) - b.rotation.toRotationMatrix().row(2)).norm();
   const double displacement = (CamInWorld(a) - CamInWorld(b)).norm() / scene_distance;
   return std::pow(std::hypot(chord, displacement) / kReferenceDistance, kPower);
 }

@@ -23,6 +23,13 @@ TEST(ViewpointErrorShape, GrowsWithTheDistanceOfViewpoints) {
   EXPECT_NEAR(ViewpointErrorShape({PoseAt({0.4, 0, 0}, 0)}, query, 2)(0, 0), 1, 1e-12) << "in a scene twice as far";
 }
 
+TEST(ViewpointErrorShape, CameraOnItsSideIsAtTheSameViewpoint) {
+  const Rigid3d query = PoseAt({0, 0, 0}, 0.1), frame = PoseAt({0.3, 0, 0}, -0.1);
+  const auto shape = [&](const Rigid3d& of_query) { return ViewpointErrorShape({frame}, of_query, 1)(0, 0); };
+  const Rigid3d on_its_side = CamFromWorld(ExpSO3(Eigen::Vector3d(0, 0, M_PI / 2)) * query.rotation, CamInWorld(query));
+  EXPECT_NEAR(shape(on_its_side), shape(query), 1e-12);
+}
+
 TEST(ViewpointErrorShape, FramesOnOneSideErrAlike) {
   const Rigid3d query = PoseAt({0, 0, 0}, 0);
   const Eigen::MatrixXd shape =
