@@ -8,7 +8,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
@@ -25,24 +24,23 @@ namespace {
 using Pose = std::array<double, 7>;       // quaternion x y z w, translation
 using Deviation = std::array<double, 6>;  // of a database image from its prior
 using SparseMatrix = Eigen::SparseMatrix<double>;
+using RowMajorMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
-// The errors of one coordinate of all deviations: the transposed Cholesky factor of their precision times them.
+// The errors of one coordinate of deviations: rows of the root of their precision times them.
 class PriorCost : public ceres::CostFunction {
  public:
-  PriorCost(int coordinate, const Eigen::MatrixXd& precision)
-      : coordinate_(coordinate), root_(precision.llt().matrixU()) {
+  PriorCost(int coordinate, Eigen::MatrixXd root) : coordinate_(coordinate), root_(std::move(root)) {
     set_num_residuals(static_cast<int>(root_.rows()));
-    mutable_parameter_block_sizes()->assign(root_.rows(), 6);
+    mutable_parameter_block_sizes()->assign(root_.cols(), 6);
   }
 
   bool Evaluate(const double* const* deviations, double* errors, double** jacobians) const override {
-    const Eigen::Index size = root_.rows();
-    Eigen::VectorXd values(size);
-    for (Eigen::Index i = 0; i < size; ++i) values[i] = deviations[i][coordinate_];
-    Eigen::Map<Eigen::VectorXd>(errors, size) = root_ * values;
-    for (Eigen::Index i = 0; jacobians != nullptr && i < size; ++i) {
+    Eigen::VectorXd values(root_.cols());
+    for (Eigen::Index i = 0; i < values.size(); ++i) values[i] = deviations[i][coordinate_];
+    Eigen::Map<Eigen::VectorXd>(errors, root_.rows()) = root_ * values;
+    for (Eigen::Index i = 0; jacobians != nullptr && i < values.size(); ++i) {
       if (jacobians[i] == nullptr) continue;
-      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> jacobian(jacobians[i], size, 6);
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> jacobian(jacobians[i], root_.rows(), 6);
       jacobian.setZero();
       jacobian.col(coordinate_) = root_.col(i);
     }
@@ -178,14 +176,20 @@ class JointSolver {
       if (scene_.images[i].prior) deviations.push_back(deviations_[i].data());
     }
     for (int k = 0; k < 6 && !deviations.empty(); ++k) {
-      const Eigen::MatrixXd& precision = k < 3 ? scene_.rotation_precision : scene_.position_precision;
-      if (!precision.isDiagonal()) {
-        problem_.AddResidualBlock(new PriorCost(k, precision), nullptr, deviations);
+      const auto& root = k < 3 ? scene_.rotation_root : scene_.position_root;
+      if (root.nonZeros() == root.rows() * (root.rows() + 1) / 2) {  // dense
+        problem_.AddResidualBlock(new PriorCost(k, root), nullptr, deviations);
         continue;
       }
-      for (size_t i = 0; i < deviations.size(); ++i) {  // keeps the equations sparse
-        const Eigen::MatrixXd own = precision.diagonal().segment(static_cast<Eigen::Index>(i), 1);
-        problem_.AddResidualBlock(new PriorCost(k, own), nullptr, deviations[i]);
+      for (Eigen::Index row = 0; row < root.rows(); ++row) {  // keeps the equations sparse
+        std::vector<double*> own;
+        std::vector<double> values;
+        for (RowMajorMatrix::InnerIterator element(root, row); element; ++element) {
+          own.push_back(deviations[element.col()]);
+          values.push_back(element.value());
+        }
+        const Eigen::Map<Eigen::RowVectorXd> own_root(values.data(), static_cast<Eigen::Index>(values.size()));
+        problem_.AddResidualBlock(new PriorCost(k, own_root), nullptr, own);
       }
     }
   }
@@ -245,9 +249,8 @@ class JointSolver {
     options.apply_loss_function = false;
     problem_.Evaluate(options, nullptr, &residuals, nullptr, &crs);
     adjustment->variance_factor = ApplyLoss(residuals, &crs);
-    const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> jacobian(
-        crs.num_rows, crs.num_cols, static_cast<int>(crs.values.size()), crs.rows.data(), crs.cols.data(),
-        crs.values.data());
+    const Eigen::Map<const RowMajorMatrix> jacobian(crs.num_rows, crs.num_cols, static_cast<int>(crs.values.size()),
+                                                    crs.rows.data(), crs.cols.data(), crs.values.data());
     const auto scale = Eigen::Map<const Eigen::VectorXd>(scales.data(), static_cast<Eigen::Index>(scales.size()));
     adjustment->information = scale.asDiagonal() * ReducedSystem(jacobian, static_cast<int>(scales.size()));
     adjustment->information = adjustment->information * scale.asDiagonal();
@@ -255,7 +258,7 @@ class JointSolver {
 
   // Multiplies the rows of each observation by the root of its weight in Cauchy's loss. Returns the variance factor.
   double ApplyLoss(const std::vector<double>& residuals, ceres::CRSMatrix* jacobian) const {
-    const auto num_deviations = 6 * scene_.rotation_precision.rows() + num_survey_errors_;
+    const auto num_deviations = 6 * scene_.rotation_root.rows() + num_survey_errors_;
     const auto num_errors = static_cast<Eigen::Index>(residuals.size()) - num_deviations;
     double sum_weights = 0, sum_derivatives = 0, sum_squares = 0;
     for (Eigen::Index row = 0; row < num_errors; row += 2) {

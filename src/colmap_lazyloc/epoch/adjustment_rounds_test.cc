@@ -236,14 +236,32 @@ TEST(AdjustInRounds, DatabasePosesMayDrift) {
   EXPECT_LT(normalized_error, 2);
 }
 
-TEST(AdjustInRounds, MoreDatabaseImagesThanADenseMatrixSolves) {
+SceneOptions MoreDatabaseImagesThanADenseMatrixSolves() {
   SceneOptions options;
-  options.num_database = 151;
+  options.num_database = 160;
   options.num_points = 40;
+  return options;
+}
+
+TEST(AdjustInRounds, ManyDatabasePosesMayDrift) {
+  SceneOptions options = MoreDatabaseImagesThanADenseMatrixSolves();
   options.drift = 0.015;
   TestScene scene = MakeScene(options);
   ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
   EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.045);
+}
+
+TEST(AdjustInRounds, SizesOfManyDatabaseErrorsAreEstimated) {
+  SceneOptions options = MoreDatabaseImagesThanADenseMatrixSolves();
+  options.database_error_deg = 0.1;
+  options.database_error = 0.02;
+  TestScene scene = MakeScene(options);
+  const AdjustedPhotos adjusted = AdjustInRounds(&scene.given);
+  ASSERT_TRUE(adjusted.summary.success);
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.045);
+  const double normalized_error = NormalizedError(adjusted, scene.given, scene.exact);
+  EXPECT_GT(normalized_error, 0.2);
+  EXPECT_LT(normalized_error, 2);
 }
 
 // Adds control points, which all images show.
@@ -300,6 +318,14 @@ TEST(AdjustInRounds, PhotosAreInTheFrameOfControlPoints) {
   EXPECT_LT(with, 0.012);
   EXPECT_GT(normalized_error, 0.2);
   EXPECT_LT(normalized_error, 2);
+}
+
+TEST(AdjustInRounds, PhotosLeaveAFrameOfManyDatabaseImages) {
+  TestScene scene = MakeScene(MoreDatabaseImagesThanADenseMatrixSolves());
+  Shift({0.2, -0.1, 0.15}, &scene.given);
+  AddControlPoints(8, 0.005, 0.5, &scene);
+  ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.045);
 }
 
 TEST(AdjustInRounds, WrongMarkOfAControlPointIsLeftOut) {

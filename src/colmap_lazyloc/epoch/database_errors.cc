@@ -1,7 +1,10 @@
 #include "colmap_lazyloc/epoch/database_errors.h"
 
+#include <algorithm>
 #include <limits>
+#include <numeric>
 
+#include <Eigen/Cholesky>
 #include <Eigen/SparseCore>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -11,12 +14,14 @@
 #include "colmap_lazyloc/noise/database_pose_errors.h"
 #include "colmap_lazyloc/noise/viewpoint_errors.h"
 #include "colmap_lazyloc/refinement/prior_precision.h"
+#include "colmap_lazyloc/refinement/sparse_precision.h"
 
 namespace lazyloc {
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using SparseMatrix = Eigen::SparseMatrix<double>;
+using RowMajorMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
 constexpr size_t kMaxNumDenseImages = 150;
 // Expected shift of the database against a survey, in pixels, in logs, and the first and smallest one that is tried: a
@@ -43,8 +48,7 @@ Layout MakeEpochLayout(const JointScene& scene) {
     }
     layout.given.images.push_back(image);
   }
-  const size_t num_database = layout.database_frames_of_frame[0].size();
-  if (!scene.control_points.empty() && num_database <= kMaxNumDenseImages) {
+  if (!scene.control_points.empty()) {
     layout.expected_pose_errors.push_back(ExpectPoseErrors(LocalizerOptions()));
     layout.expected_pose_errors[0].sizes.push_back(kShift);
   }
@@ -68,17 +72,39 @@ std::vector<FrameScale> MeasureScales(const JointScene& scene, const Layout& lay
   return scales;
 }
 
-// Returns the precision of the deviations that adjustment uses.
+bool IsDense(const PriorGroup& group) { return group.frames.size() <= kMaxNumDenseImages; }
+
+// Returns a root of the precision of the deviations that adjustment uses.
+RowMajorMatrix RootOf(const PriorGroup& group, PosePart part) {
+  if (!IsDense(group)) return SparseRootOfPrecision(ComputePriorCovariance(group, part));
+  const PriorPrecision precision = ComputePriorPrecision(group);
+  const Eigen::MatrixXd& of_part = part == PosePart::ROTATION ? precision.rotation : precision.position;
+  return Eigen::MatrixXd(of_part.llt().matrixU()).sparseView();
+}
+
 PriorPrecision PrecisionOf(const PriorGroup& group) {
-  if (group.frames.size() <= kMaxNumDenseImages) return ComputePriorPrecision(group);
-  const auto size = static_cast<Eigen::Index>(group.frames.size());
-  Eigen::VectorXd rotation = Eigen::VectorXd::Zero(size), position = rotation;
-  for (const VarianceComponent& component : group.components) {
-    const Eigen::VectorXd variances = component.variance * component.shape.diagonal();
-    if (component.Moves(PosePart::ROTATION)) rotation += variances;
-    if (component.Moves(PosePart::POSITION)) position += variances;
+  if (IsDense(group)) return ComputePriorPrecision(group);
+  const RowMajorMatrix rotation = RootOf(group, PosePart::ROTATION), position = RootOf(group, PosePart::POSITION);
+  return {rotation.transpose() * rotation, position.transpose() * position};
+}
+
+// Returns a group with the frames nearest to the viewpoint that errors are relative to, as many as a dense matrix
+// solves.
+PriorGroup NearestOf(const PriorGroup& group) {
+  std::vector<Eigen::Index> nearest(group.frames.size());
+  std::iota(nearest.begin(), nearest.end(), 0);
+  const Eigen::VectorXd variances = group.components[0].shape.diagonal();
+  std::stable_sort(nearest.begin(), nearest.end(),
+                   [&](Eigen::Index a, Eigen::Index b) { return variances[a] < variances[b]; });
+  nearest.resize(std::min(nearest.size(), kMaxNumDenseImages));
+  std::sort(nearest.begin(), nearest.end());
+  PriorGroup of_nearest = group;
+  of_nearest.frames.clear();
+  for (const Eigen::Index i : nearest) of_nearest.frames.push_back(group.frames[i]);
+  for (VarianceComponent& component : of_nearest.components) {
+    component.shape = component.shape(nearest, nearest).eval();
   }
-  return {rotation.cwiseInverse().asDiagonal(), position.cwiseInverse().asDiagonal()};
+  return of_nearest;
 }
 
 // Returns the place of the deviations in the information of an adjustment: six consecutive parameters by frame.
@@ -137,18 +163,18 @@ void DatabaseErrors::SetPriors(JointScene* scene) {
     scene->images[i].prior = posed_.frames[FrameOf(i)].prior;
     if (!scene->images[i].prior) scene->images[i].cam_from_world = layout_.given.frames[FrameOf(i)].frame_from_world;
   }
-  const PriorPrecision precision = PrecisionOf(posed_.prior_groups[0]);
-  scene->rotation_precision = precision.rotation;
-  scene->position_precision = precision.position;
+  scene->rotation_root = RootOf(posed_.prior_groups[0], PosePart::ROTATION);
+  scene->position_root = RootOf(posed_.prior_groups[0], PosePart::POSITION);
 }
 
 void DatabaseErrors::Estimate(const JointScene& scene, const JointAdjustment& adjustment) {
-  const PriorGroup& group = posed_.prior_groups[0];
-  if (group.frames.empty() || group.frames.size() > kMaxNumDenseImages) return;
+  if (posed_.prior_groups[0].frames.empty()) return;
+  const PriorGroup group = NearestOf(posed_.prior_groups[0]);
   const InformationFactor factor(adjustment.information, PlacesOf(group, layout_.num_queries, adjustment));
   if (!factor.Succeeded()) return;
   BundleAdjustmentResult result;
   result.posed = PosedBy(scene);
+  result.posed.prior_groups = {group};
   result.prior_fits.push_back(
       {MeasureDeviations(result.posed, group), InformationOnDeviations(factor, ComputePriorPrecision(group))});
   priors_.Estimate(result, adjustment.variance_factor);
@@ -218,8 +244,8 @@ void DatabaseErrors::ReturnToGivenDatabase(const JointAdjustment& adjustment, Jo
     }
     image.prior.reset();
   }
-  scene->rotation_precision.resize(0, 0);
-  scene->position_precision.resize(0, 0);
+  scene->rotation_root.resize(0, 0);
+  scene->position_root.resize(0, 0);
 }
 
 }  // namespace lazyloc

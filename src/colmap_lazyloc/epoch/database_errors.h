@@ -13,7 +13,8 @@ namespace lazyloc {
 
 // Errors of the database poses in a joint scene, as the localizer models them (noise/database_priors.h): the photos
 // count as one query frame, and the errors are relative to that at the viewpoint of the first photo. With more database
-// images than a dense matrix solves, the errors have the expected sizes, and adjustment takes them for independent.
+// images than a dense matrix solves, their precision is approximated by a sparse one, and the sizes of the errors are
+// estimated by the images nearest to that viewpoint.
 // With control points, there is an error that all database positions have in common, too, and photos stay where the
 // adjustment has them.
 class DatabaseErrors {

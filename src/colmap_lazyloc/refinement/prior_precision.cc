@@ -6,15 +6,20 @@ namespace lazyloc {
 namespace {
 
 Eigen::MatrixXd PrecisionOf(const PriorGroup& group, PosePart part) {
+  const Eigen::MatrixXd covariance = ComputePriorCovariance(group, part);
+  return covariance.llt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
+}
+
+}  // namespace
+
+Eigen::MatrixXd ComputePriorCovariance(const PriorGroup& group, PosePart part) {
   const auto size = static_cast<Eigen::Index>(group.frames.size());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(size, size);
   for (const VarianceComponent& component : group.components) {
     if (component.Moves(part)) covariance += component.variance * component.shape;
   }
-  return covariance.llt().solve(Eigen::MatrixXd::Identity(size, size));
+  return covariance;
 }
-
-}  // namespace
 
 PriorPrecision ComputePriorPrecision(const PriorGroup& group) {
   return {PrecisionOf(group, PosePart::ROTATION), PrecisionOf(group, PosePart::POSITION)};

@@ -26,6 +26,9 @@ struct PriorPrecision {
   Eigen::MatrixXd rotation, position;  // of one coordinate, by frame
 };
 
+// Returns the covariance of the deviations in a coordinate of the rotation or of the position.
+Eigen::MatrixXd ComputePriorCovariance(const PriorGroup& group, PosePart part);
+
 PriorPrecision ComputePriorPrecision(const PriorGroup& group);
 
 // Returns the covariance contribution of each component to given linear functions. by_deviations: column j is the gain

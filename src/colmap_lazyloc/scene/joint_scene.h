@@ -5,6 +5,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
@@ -63,9 +64,9 @@ struct JointScene {
   std::vector<JointPair> pairs;
   std::vector<JointPoint> points;
   std::vector<JointPoint> control_points = {};  // with all of their marks; adjusted if they are among the points
-  // Inverse covariance of the deviations from the priors, in their standard deviations: of one coordinate of the
-  // rotations and of the positions, by image with a prior.
-  Eigen::MatrixXd rotation_precision = {}, position_precision = {};
+  // Roots R of the inverse covariance R^T R of the deviations from the priors, in their standard deviations: of one
+  // coordinate of the rotations and of the positions, with a column for each image with a prior.
+  Eigen::SparseMatrix<double, Eigen::RowMajor> rotation_root = {}, position_root = {};
 };
 
 }  // namespace lazyloc
