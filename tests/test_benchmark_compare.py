@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.localization import compare, evaluation, run
-from colmap_lazyloc.demo import scene as demo
+from colmap_lazyloc.demo.__main__ import main as make_demo
 from conftest import PROJECT_PATH
 
 EXPECTED_PATH = PROJECT_PATH / "benchmarks" / "localization" / "expected"
@@ -160,7 +160,7 @@ def test_expected_files_can_fail(path):
 def reduced_run(colmap, tmp_path_factory):
     path = tmp_path_factory.mktemp("reduced")
     assert (
-        demo.main(["--output_path", str(path / "data"), "--num_database_images", "16", "--num_query_images", "6"]) == 0
+        make_demo(["--output_path", str(path / "data"), "--num_database_images", "16", "--num_query_images", "6"]) == 0
     )
     arguments = [
         "--dataset",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from colmap_lazyloc.__main__ import main
-from colmap_lazyloc.changes.__main__ import find_changes
+from colmap_lazyloc.changes.find import find_changes
 from colmap_lazyloc.changes.moved import link
 from colmap_lazyloc.changes.tracks import Photos, triangulate
 from colmap_lazyloc.model import Camera

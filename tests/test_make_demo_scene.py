@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from colmap_lazyloc.demo import scene as demo
+from colmap_lazyloc.demo.__main__ import main
 from colmap_lazyloc.demo.renderer import RayGrid, Rectangle, render
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.poses import Pose, read_poses
@@ -117,7 +118,7 @@ def small_scene(monkeypatch):
         demo, "DATABASE_CAMERA", Camera("OPENCV", 160, 120, (128.3, 129.1, 80.6, 59.2, -0.11, 0.04, 0.001, -0.0007))
     )
     monkeypatch.setattr(demo, "QUERY_CAMERA", Camera("RADIAL", 168, 112, (116.7, 83.2, 57.9, -0.08, 0.02)))
-    return lambda path, seed=0, num_database=2: demo.main(
+    return lambda path, seed=0, num_database=2: main(
         [
             "--output_path",
             str(path),
@@ -177,9 +178,9 @@ def test_files_agree_with_the_views(small_scene, tmp_path):
 
 def test_bad_options_are_refused(tmp_path, capsys):
     for option in (["--num_query_images", "0"], ["--seed", "-1"]):
-        assert demo.main(["--output_path", str(tmp_path / "scene"), *option]) == 1
+        assert main(["--output_path", str(tmp_path / "scene"), *option]) == 1
     (tmp_path / "file").write_text("")
-    assert demo.main(["--output_path", str(tmp_path / "file")]) == 1
+    assert main(["--output_path", str(tmp_path / "file")]) == 1
     assert capsys.readouterr().err.splitlines()[-1].startswith("lazyloc demo: ")
     assert not (tmp_path / "scene").exists()
 

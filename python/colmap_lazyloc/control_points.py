@@ -24,8 +24,6 @@ import sys
 from collections.abc import Sequence
 
 import numpy as np
-import pycolmap
-import scipy.optimize
 
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError, Parser, command, first_names, logger
@@ -35,7 +33,6 @@ from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.naming import natural_key
 from colmap_lazyloc.pose_formats.raw_poses import MAX_NUM_NAMED
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.pycolmap_types import image_from_cam, to_pycolmap_camera, to_rigid3d
 from colmap_lazyloc.report.options_file import read_options
 from colmap_lazyloc.results import CONTROL_POINTS, MODEL, RESULTS, FoundRun, find_run, pose_of, read_results
 
@@ -66,6 +63,8 @@ class View:
 
     def error_px(self, point: Floats) -> Floats:
         """Returns where the point is projected relative to the mark; far away if it is behind the camera."""
+        from colmap_lazyloc.pycolmap_types import image_from_cam  # here, because --help needs no optional package
+
         pixel = image_from_cam(self.camera, self.pose(point[None]))[0]
         return np.asarray(np.nan_to_num(pixel - self.mark.pixel, nan=float(self.camera.width)))
 
@@ -136,6 +135,12 @@ def find_views(marks: Sequence[Mark], photos: dict[str, Photo]) -> tuple[dict[tu
 
 def intersect(views: Sequence[View]) -> Floats | None:
     """Returns the point that fits the marks best; None if their rays do not determine it."""
+    # Import here, because --help needs none of the optional packages.
+    import pycolmap
+    import scipy.optimize
+
+    from colmap_lazyloc.pycolmap_types import to_pycolmap_camera, to_rigid3d
+
     options = pycolmap.EstimateTriangulationOptions(min_tri_angle=np.radians(MIN_ANGLE_DEG))
     options.ransac.random_seed = 0
     found = len(views) > 1 and pycolmap.estimate_triangulation(
