@@ -188,6 +188,9 @@ def test_nothing_is_cut_off(browser, page_path, width, color_scheme):
         assert report.page.evaluate(cut, ".header .cell") == []
     assert report.page.evaluate(cut, ".rows .cell.number span, .rows .cell.confidence span") == []
     assert report.page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+    measure = """field => { field.value = field.placeholder; const isCut = field.scrollWidth > field.clientWidth;
+      field.value = ""; return isCut; }"""
+    assert not report.page.get_by_role("searchbox").evaluate(measure)
     path = "/home/user" * 12  # of a file that is missing
     report.page.evaluate("path => { document.querySelector('.warnings p').textContent = path; }", path)
     assert report.page.evaluate(cut, ".warnings") == []
