@@ -285,6 +285,8 @@ def test_completion_knows_the_tool(complete):
     assert complete("lazyloc", "import", "--out") == ["--output_path"]
     assert complete("lazyloc", "run", "--poses_format", "metash") == ["metashape"]
     assert complete("lazyloc", "run", "--epoch", "") == ["new", "both"]
+    assert complete("lazyloc", "import", "metash") == ["metashape"]
+    assert complete("lazyloc", "export", "--format", "kit") == ["kitti"]
 
 
 def test_completion_leaves_values_to_file_names(complete):

@@ -14,6 +14,10 @@ _lazyloc_names() {
     "$program" help 2> /dev/null | sed '1,/^Available commands:/d'
     return
   fi
+  if [[ $previous == --format || "$command $#" == "import 3" && $word != -* ]]; then
+    "$program" "$command" --help 2> /dev/null | sed -nE 's/^  ([a-z0-9]+)  .*/\1/p' # the list of formats
+    return
+  fi
   [[ "$program $command" != *lazy_localizer* ]] || help=--help-all
   if [[ $word == -* || $previous != --* || $previous == *=* ]]; then
     "$program" ${command:+"$command"} "$help" 2>&1 | sed -nE 's/^ +(-h \[ )?(--[A-Za-z0-9_.-]+).*/\2/p'
