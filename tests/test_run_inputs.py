@@ -94,7 +94,7 @@ def test_bad_photos_are_left_out_by_name(run, place, capsys):
     assert localized(output) == ["query/0.png", "query/1.png"]
     results = read_results(output / "localized" / "results.jsonl")
     assert {results[f"query/{name}.png"]["status"] for name in ("bad", "lost")} == {"UNREADABLE_IMAGE"}
-    run()  # the names come again
+    run("--strict", exit_code=2)  # the names come again
     assert len(warnings(capsys)) == 1
 
 

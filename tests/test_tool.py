@@ -107,6 +107,12 @@ def test_missing_extra_is_one_line(words, missing, extra, tmp_path):
         assert done.stderr.count("\n") == 1 and f"pip install 'colmap-lazyloc[{extra}]'" in done.stderr, done.stderr
 
 
+def test_package_for_control_points_is_missed_before_any_work(tmp_path):
+    words = f"--database_images {tmp_path} --queries {tmp_path} --output {tmp_path}/o --control_points points.csv"
+    done = run_tool("run", *words.split(), missing=["pycolmap"])
+    assert done.returncode == 1 and "pip install 'colmap-lazyloc[control_points]'" in done.stderr, done.stderr
+
+
 @pytest.mark.parametrize("module", ["hloc", "hloc_to_database"])
 def test_missing_extra_of_a_module_is_one_line(module, tmp_path):
     flags = ["features_path", "matches_path", "pairs_path", "model_path", "query_list_path", "database_path"]

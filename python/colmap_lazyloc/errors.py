@@ -115,6 +115,7 @@ class _Formatter(logging.Formatter):
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are InputError, one line; an unknown option is named first, with the nearest one.
 
+    --output and --output_path are the same option.
     `is_foreign`: True for the name of an option, without dashes, that is left to another program.
     """
 
@@ -123,8 +124,9 @@ class Parser(argparse.ArgumentParser):
         self._is_foreign = is_foreign
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        self._check_names(sys.argv[1:] if args is None else args)
-        return super().parse_known_args(args, namespace)
+        words = [self._known_spelling(word) for word in (sys.argv[1:] if args is None else args)]
+        self._check_names(words)
+        return super().parse_known_args(words, namespace)
 
     def error(self, message: str) -> NoReturn:
         choice = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
@@ -132,6 +134,13 @@ class Parser(argparse.ArgumentParser):
             near = nearest(choice[1], re.findall(r"'([^']*)'", choice[2]))
             message = message.partition(" (choose")[0] + (near or f"; choose from {choice[2]}")
         raise InputError(message.removeprefix("argument ") + f" ({self.prog} --help)")
+
+    def _known_spelling(self, word: str) -> str:
+        """Returns --output as --output_path and the other way round if only the other one is an option."""
+        name, _, _ = word.partition("=")
+        other = {"--output": "--output_path", "--output_path": "--output"}.get(name)
+        is_other = other in self._option_string_actions and name not in self._option_string_actions
+        return word.replace(name, str(other), 1) if is_other else word
 
     def _check_names(self, words: Sequence[str]) -> None:
         known = [name for name in self._option_string_actions if name.startswith("--")]

@@ -62,6 +62,7 @@ from colmap_lazyloc.report.run import unit_of
 from colmap_lazyloc.results import RESULTS, pose_of, read_geodetic, read_results
 
 MAX_NUM_LINES = 20  # of queries that are printed
+EXIT_NOT_LOCALIZED = 2  # as of lazy_localizer --strict 1
 SINGLE_CAMERA = "--ImageReader.single_camera"
 POSITIONS = "--LazyLocalizer.Advanced.photo_position_path"
 
@@ -144,10 +145,10 @@ def _run(arguments: Sequence[str] | None) -> int:
     options.unit = METRE if known is not None else options.unit
     _write_report(project.folder, results, database_path, options)
     project.results.link()
-    _print_results(results, project.folder.report, queries.shown(), options.unit)
+    num_lost = _print_results(results, project.folder.report, queries.shown(), options.unit)
     if lazy is not None:
         steps.complete_database(project, _select(lazy, {name: name for name in used}), num_neighbors)
-    return 0 if project.folder.report.exists() else 1
+    return 1 if not project.folder.report.exists() else EXIT_NOT_LOCALIZED if options.strict and num_lost else 0
 
 
 def _find_database(options: argparse.Namespace, folder: pathlib.Path) -> dict[str, pathlib.Path]:
@@ -401,8 +402,11 @@ def _write_report(folder: Folder, results: pathlib.Path, database: pathlib.Path,
         logger.warning("%s: the report was not written (%s); the results are in %s", folder.report, cause, results)
 
 
-def _print_results(folder: pathlib.Path, report: pathlib.Path, shown: dict[str, str], unit: str | None) -> None:
-    """Prints where the queries of a folder of results are; `shown`: what they are called, by name."""
+def _print_results(folder: pathlib.Path, report: pathlib.Path, shown: dict[str, str], unit: str | None) -> int:
+    """Prints where the queries of a folder of results are; `shown`: what they are called, by name.
+
+    Returns how many were not localized.
+    """
     results = read_results(folder / RESULTS)
     names = {name: text for name, text in shown.items() if name in results}
     lines = position_lines(results, names, read_geodetic(folder), unit_of(folder, unit))
@@ -418,6 +422,7 @@ def _print_results(folder: pathlib.Path, report: pathlib.Path, shown: dict[str, 
             "show the place of the database images",
             report,
         )
+    return len(shown) - count
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The options of `lazyloc run`: what they are, and whether each can have its effect."""
 
 import argparse
+import functools
 import importlib
 import itertools
 import math
@@ -180,11 +181,9 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         f"is matched; default: {NUM_NEIGHBORS}",
     )
     add("--use_gpu", type=int, choices=(0, 1), default=0, help="extract and match features on the GPU; default: 0")
-    add(
-        "--overwrite",
-        action="store_true",
-        help="delete the results of earlier runs in the output folder, and start anew",
-    )
+    add_flag = functools.partial(add, nargs="?", type=int, choices=(0, 1), const=1, default=0)
+    add_flag("--overwrite", help="delete the results of earlier runs in the output folder, and start anew")
+    add_flag("--strict", help="end with exit code 2 if any query was not localized")
 
 
 def _is_of_localizer(name: str) -> bool:
@@ -301,7 +300,7 @@ def _check_metres(options: argparse.Namespace) -> None:
         if options.use_control_points is not None and getattr(options, name) is None:
             raise InputError(f"--use_control_points needs --{name}")
     if options.control_points is not None:
-        importlib.import_module("colmap_lazyloc.control_points")  # says which packages it lacks
+        importlib.import_module("pycolmap")  # so that it is missed before any work
         given = next((name for name in ("poses", "positions", "scale") if getattr(options, name) is not None), None)
         if given is not None and (options.use_control_points is None or given == "scale"):
             name = "poses" if given == "positions" else given
@@ -322,6 +321,7 @@ def _check_metres(options: argparse.Namespace) -> None:
         if DATABASE in panorama_roles(options):
             raise InputError("--scale has no effect on panoramas")
         try:
+            options.scale[2] = options.scale[2].removesuffix("m")
             is_positive = 0 < float(options.scale[2]) < math.inf
         except ValueError:
             is_positive = False
