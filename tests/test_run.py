@@ -27,6 +27,7 @@ from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
 from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
 from colmap_lazyloc.serve.map import Source
+from report_pages import ReportPage
 
 MAX_POSITION_ERROR = 0.05  # in a courtyard of 20 m
 ORIGIN = GeoOrigin(47.3, 8.5, 430.0)
@@ -157,8 +158,9 @@ def test_table_in_latitude_and_longitude(run, photos, tmp_path, capsys):
         rows.append(f"{base(name)}," + ",".join(repr(float(value)) for value in values))
     (tmp_path / "poses.csv").write_text("\n".join(rows) + "\n")
     origin = f"{ORIGIN.latitude_deg},{ORIGIN.longitude_deg},{ORIGIN.height_m}"
-    output = run(tmp_path / "poses.csv", "--geo_origin", origin)
+    output = run(tmp_path / "poses.csv", "--geo_origin", origin, "--crs", "EPSG:32632")
     assert_localized(output, true_queries(photos))
+    assert ReportPage(output / "report.html").queries["systems"][-1]["axes"] == ["E", "N", "H"]
     assert GeoOrigin.read(output / "model") == ORIGIN
     printed = capsys.readouterr().out
     with (output / "localized" / "positions.csv").open(newline="") as table:

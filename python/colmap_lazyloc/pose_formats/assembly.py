@@ -143,7 +143,7 @@ def _convert(raw: RawPoses, convention: Convention, left_out: dict[int, str]) ->
 
 def _frame(frame: Frame, source: Source) -> Frame:
     """Returns the frame of a file by the options, each of which is used or refused."""
-    if source.crs is not None:
+    if source.crs is not None and not (frame.is_geographic and source.shows_crs):
         if frame.is_geographic:
             raise InputError(f"--crs {source.crs}: {source.path} says itself where on the Earth its coordinates are")
         return dataclasses.replace(frame, crs=source.crs)

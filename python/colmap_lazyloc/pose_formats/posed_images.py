@@ -130,6 +130,7 @@ class Source:
     pose_direction: str | None = None
     camera_axes: str | None = None
     quaternion_order: str | None = None
+    shows_crs: bool = False  # the results are shown in `crs`, so that a geographic file may have it, too
 
 
 @functools.cache

@@ -230,8 +230,8 @@ def _make_images(
 def _pose_source(options: argparse.Namespace) -> tuple[Source, str | None]:
     """Returns the file of poses, and its format if it is given."""
     source = make_source(options.poses or options.positions, options.database_images, options)
-    source = dataclasses.replace(source, photos=Photos(options.database_images, excluded=_excluded(options)))
-    return source, options.poses_format
+    photos = Photos(options.database_images, excluded=_excluded(options))
+    return dataclasses.replace(source, photos=photos, shows_crs=True), options.poses_format
 
 
 def _read_positions(options: argparse.Namespace) -> Positions | None:

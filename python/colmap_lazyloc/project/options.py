@@ -53,7 +53,6 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
     )
     add(
         "--output",
-        "--output_path",
         dest="output_path",
         type=pathlib.Path,
         required=True,
@@ -327,7 +326,7 @@ def _check_metres(options: argparse.Namespace) -> None:
             is_positive = False
         if not is_positive:
             raise InputError(f"--scale: expected a distance in metres, found '{options.scale[2]}'")
-    if options.poses is None and options.crs is not None:
+    if options.crs is not None:
         if options.scale is not None:
             raise InputError("--crs has no effect with --scale, which gives no geographic coordinates")
         find_crs(options.crs)
