@@ -129,7 +129,8 @@ TEST(CheckIntrinsics, StandardDeviationOfAGuessedCameraIsRight) {
   constexpr int kNumScenes = 40;
   double sum = 0;
   for (uint32_t seed = 0; seed < kNumScenes; ++seed) {
-    const SyntheticScene scene = MakeGuessedScene({0, *CameraModelId("RADIAL"), 1280, 960, {950, 640, 480, 0, 0}}, seed);
+    const SyntheticScene scene =
+        MakeGuessedScene({0, *CameraModelId("RADIAL"), 1280, 960, {950, 640, 480, 0, 0}}, seed);
     const LocalizationResult result = Localize(scene);
     ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
     const double factor = result.intrinsics.focal_factor, right = 950 / scene.problem.query_camera.params[0];

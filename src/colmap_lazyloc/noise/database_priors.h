@@ -54,8 +54,8 @@ void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& s
 
 // Returns the shape of the errors that change with the viewpoint: the covariance of the differences between the errors
 // of `frames` and that at the viewpoint of `query`, where the difference at a distance of viewpoints of 0.2 has unit
-// variance. That distance is the root of the sum of two squares: 2 sin(angle / 2) of the directions of view (the z axes),
-// and the displacement over scene_distance.
+// variance. That distance is the root of the sum of two squares: 2 sin(angle / 2) of the directions of view (the z
+// axes), and the displacement over scene_distance.
 Eigen::MatrixXd ViewpointErrorShape(const std::vector<Rigid3d>& frames, const Rigid3d& query, double scene_distance);
 
 // Returns the variances of a group's components for the covariance of the query's pose: those that the last adjustment
