@@ -167,7 +167,7 @@ def look_at(cam_in_world: ArrayLike, target: ArrayLike, down: ArrayLike, roll_de
 
 
 def read_poses(path: Path) -> dict[str, Pose]:
-    """Reads lines `name qw qx qy qz tx ty tz` (cam_from_world), such as poses.txt; names may have blanks."""
+    """Reads lines `name qw qx qy qz tx ty tz` (cam_from_world), such as poses.txt; names may contain spaces."""
     poses = {}
     for line_number, line in read_entries(path):
         words = line.rsplit(maxsplit=7)

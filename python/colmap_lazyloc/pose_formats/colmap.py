@@ -73,7 +73,7 @@ def is_header_of_poses_txt(columns: Sequence[str]) -> bool:
 
 
 def parse_poses(source: Source) -> RawPoses:
-    """Reads poses.txt of this program and of hloc: lines `name qw qx qy qz tx ty tz`, whose names may have blanks.
+    """Reads poses.txt of this program and of hloc: lines `name qw qx qy qz tx ty tz`, whose names may contain spaces.
 
     A header with other columns specifies what the columns are.
     """
