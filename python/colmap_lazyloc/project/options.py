@@ -181,8 +181,8 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
     )
     add("--use_gpu", type=int, choices=(0, 1), default=0, help="extract and match features on the GPU; default: 0")
     add_flag = functools.partial(add, nargs="?", type=int, choices=(0, 1), const=1, default=0)
-    add_flag("--overwrite", help="delete the results of earlier runs in the output folder, and start anew")
-    add_flag("--strict", help="end with exit code 2 if any query was not localized")
+    add_flag("--overwrite", help="delete the results of earlier runs in the output folder, and start anew; default: 0")
+    add_flag("--strict", help="end with exit code 2 if any query was not localized; default: 0")
 
 
 def _is_of_localizer(name: str) -> bool:

@@ -23,10 +23,12 @@ constexpr double kRegularization = 1e-9;
 // displacements in two coordinates.
 constexpr int kNumClusterParameters = 3;
 
-// Foreign patterns: the displacements of the image by polynomials of first to third degree that neither a pose nor a
-// correction makes, such as a skew by a rolling shutter or tangential distortion. They show how large the errors are
-// that all points of a photo share.
-constexpr int kNumPatterns = 12;
+// Foreign patterns: displacements of the image that neither a pose nor a correction makes. They are a skew, as by a
+// rolling shutter whose camera turns, and tangential distortion in two directions. They show how large the errors are
+// that all points of a photo share. Their squares are averaged with those of more patterns, which are as large as
+// expected, because three are few.
+constexpr int kNumPatterns = 3;
+constexpr double kNumExpectedPatterns = 3;
 
 // The corrections, and after them the patterns.
 constexpr int kNumColumns = NUM_INTRINSICS_PARAMETERS + kNumPatterns;
@@ -45,9 +47,7 @@ Derivative ProjectionDerivative(const Eigen::Vector2d& offset) {
   derivative.col(RADIAL_DISTORTION) = offset * offset.squaredNorm() / std::pow(kRadialUnitPx, 3);
   derivative.col(FIFTH_POWER_DISTORTION) = offset * std::pow(offset.squaredNorm(), 2) / std::pow(kRadialUnitPx, 5);
   const double x = offset.x() / kRadialUnitPx, y = offset.y() / kRadialUnitPx;
-  const double xx = x * x, xy = x * y, yy = y * y;
-  derivative.rightCols<kNumPatterns>() << y, yy, 0, 2 * xy, 3 * xx + yy, x * xx, x * xy, x * yy, y * yy, 0, 0, 0,  //
-      x, 0, xx, xx + 3 * yy, 2 * xy, 0, 0, 0, 0, x * xx, x * xy, x * yy;
+  derivative.rightCols<kNumPatterns>() << y, 3 * x * x + y * y, 2 * x * y, x, 2 * x * y, x * x + 3 * y * y;
   return derivative;
 }
 
@@ -131,15 +131,14 @@ class ScoreBuilder {
     const FrameColumns columns =
         factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).leftCols<kSize>());
     SetSharedErrors(columns, poses_from_correction, tracks);
-    if (IsFocalLengthEstimated()) SetEstimatedFocalLength(columns.col(kSize - 1));
+    if (solver_.Problem().frames[frame_].kind == BlockKind::POSE_AND_FOCAL_LENGTH) {
+      SetEstimatedFocalLength(columns.col(kSize - 1));
+      AddCommonErrors();
+    }
     return std::move(score_);
   }
 
  private:
-  bool IsFocalLengthEstimated() const {
-    return solver_.Problem().frames[frame_].kind == BlockKind::POSE_AND_FOCAL_LENGTH;
-  }
-
   Coupling& CouplingWith(int frame) {
     int& place = place_of_frame_[frame];
     if (place < 0) {
@@ -202,12 +201,12 @@ class ScoreBuilder {
     }
     score_.frame_shared_errors = of_frame.Excess(columns.template topRows<kSize>(), kNumClusterParameters);
     score_.shared_errors = of_score.Excess(score_.information, kNumClusterParameters);
-    if (!IsFocalLengthEstimated()) return;
     const PatternMatrix information = pattern_from_columns * information_ * pattern_from_columns.transpose();
     const PatternMatrix covariance =
         VarianceFactor(posed_, tracks_, loss_) * information + of_patterns.Excess(information, kNumClusterParameters);
     const Eigen::Matrix<double, kNumPatterns, 1> score = pattern_from_columns * score_of_columns_;
-    score_.common_error_factor = score.dot(covariance.ldlt().solve(score)) / kNumPatterns;
+    const double squares = score.dot(covariance.ldlt().solve(score));
+    common_error_factor_ = std::max(1.0, (kNumExpectedPatterns + squares) / (kNumExpectedPatterns + kNumPatterns));
   }
 
   // Returns what makes the equations of the patterns from those of all columns. A focal length that is estimated has
@@ -310,6 +309,12 @@ class ScoreBuilder {
     score_.frame_from_correction.col(LOG_FOCAL_FACTOR) = column.head<6>() / variance;
   }
 
+  // Adds to the errors of the score what the patterns show beyond its variances.
+  void AddCommonErrors() {
+    const IntrinsicsScore::Matrix variances = VarianceFactor(posed_, tracks_, loss_) * score_.information;
+    score_.shared_errors += (common_error_factor_ - 1) * (variances + score_.shared_errors);
+  }
+
   const BundleSolver<kSize>& solver_;
   const PosedImages& posed_;
   const std::vector<Track>& tracks_;
@@ -317,6 +322,7 @@ class ScoreBuilder {
   const int frame_;  // of the problem
   Information information_ = Information::Zero();
   Eigen::Matrix<double, kNumColumns, 1> score_of_columns_ = Eigen::Matrix<double, kNumColumns, 1>::Zero();
+  double common_error_factor_ = 1;
   IntrinsicsScore score_;
   std::vector<bool> is_query_pose_;  // by frame of the problem: true for the poses of the query's images
   std::vector<int> places_;          // frames in the order of the equations; first, the frame in question

@@ -33,9 +33,6 @@ struct IntrinsicsScore {
   // frame's parameters: 6x6, or 7x7 with the factor (ClusterCovariance). Tracks with depths do not count.
   Matrix shared_errors = Matrix::Zero();
   Eigen::MatrixXd frame_shared_errors;
-  // Mean square of patterns of displacements that no camera makes, over their variances, if the focal length was
-  // estimated: what errors that all points share multiply the variances of `score` by. 1 otherwise.
-  double common_error_factor = 1;
   // Derivatives of the tangent of frame_from_world, and of the frame's factor, with respect to the corrections.
   Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS> frame_from_correction =
       Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>::Zero();
