@@ -1,19 +1,21 @@
 """Measures `lazyloc run --epoch`: new photos localized alone, adjusted together, and in a joint model that may move.
 
-    scripts/python.sh -m benchmarks epoch --work_path WORK --scene courtyard half survey ../shared/data/fountain ...
+    scripts/python.sh -m benchmarks epoch --work_path WORK --scene courtyard half survey room ../shared/data/fountain
 
-courtyard, half, survey: two epochs are rendered from one world, the second one with another camera, other light, and a
-box each that was moved and taken away. In half, the database has half of the walk, so that some photos show what only
-other new photos see. A folder of a scene (images/, model/): its photos in two halves by the order of their names,
-every second one, or with --split blocks the second half of the sequence.
+courtyard, half, survey, room: two epochs are rendered from one world, the second one with another camera, other light,
+and a box each that was moved and taken away. In half, the database has half of the walk, so that some photos show what
+only other new photos see. The room has a ceiling, and furniture that hides parts of it. A folder of a scene (images/,
+model/): its photos in two halves by the order of their names, every second one, or with --split blocks the second half
+of the sequence.
 
 Position errors are in thousandths of the model's unit (mm for metres). `free` is COLMAP's bundle_adjuster on the model
 of both epochs, moved to the database positions by a similarity. The last lines are those of `lazyloc changes`: in a
-rendered scene, one box has moved by 0.4, -0.3, 0, and one is gone at 6.9, 3.4. Nothing has changed in the halves of a
-scene.
+rendered scene, one box has moved by 0.4, -0.3, 0, and one is gone at 6.9, 3.4 (room: 1.6, 0.6). Nothing has changed in
+the halves of a scene.
 """
 
 import argparse
+import dataclasses
 import json
 import pathlib
 import shutil
@@ -24,7 +26,7 @@ import time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from colmap_lazyloc.model import read_model, write_model
+from colmap_lazyloc.model import Camera, read_model, write_model
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.project.steps import find_program
 from colmap_lazyloc.results import RESULTS, read_results, to_pose
@@ -37,6 +39,8 @@ def rendered(name: str, folder: pathlib.Path, seed: int, count: int) -> dict[str
     from colmap_lazyloc.demo import scene, survey
     from colmap_lazyloc.demo.scene import QUERY_CAMERA, View
 
+    if name == "room":
+        return rendered_room(folder, seed, count)
     rng = np.random.default_rng([seed, 77])
     if name == "survey":
         old, _ = survey.make_views(np.random.default_rng([seed, 20]))
@@ -54,7 +58,7 @@ def rendered(name: str, folder: pathlib.Path, seed: int, count: int) -> dict[str
     scene.write_images(folder / "database", scene.build_scene(seed, texels), old, seed, stream=3)
     boxes, sun = scene.BOXES, scene.SUN
     try:  # a month later: one box is gone, one has moved by half a metre, and the sun stands elsewhere
-        moved = scene.dataclasses.replace(boxes[4], centre=(-1.1, -1.2, 0))
+        moved = dataclasses.replace(boxes[4], centre=(-1.1, -1.2, 0))
         scene.BOXES, scene.SUN = (*boxes[:4], moved, *boxes[5:7], *boxes[8:]), np.array([-0.6, 0.4, 0.5])
         later = scene.build_scene(seed, texels)
     finally:
@@ -62,6 +66,51 @@ def rendered(name: str, folder: pathlib.Path, seed: int, count: int) -> dict[str
     scene.write_images(folder / "new", later, new, seed, stream=4)
     scene.write_database_model(folder / "model", [View(pathlib.Path(v.name).name, v.camera, v.pose) for v in old])
     return {pathlib.Path(view.name).name: view.pose for view in new}
+
+
+def rendered_room(folder: pathlib.Path, seed: int, count: int) -> dict[str, Pose]:
+    from colmap_lazyloc.demo import scene, textures
+    from colmap_lazyloc.demo.scene import Box, View
+
+    rng = np.random.default_rng([seed, 78])
+    wood, brown = textures.planks, (75, 120, 150)
+    furniture = [
+        Box((-2.65, 1.0, 0), (0.6, 1.2, 2.0), 0, wood, brown),
+        Box((0.8, 2.0, 0), (1.6, 0.4, 1.8), 0, textures.facade, (150, 165, 190)),
+        Box((0.3, 0.3, 0), (1.1, 0.7, 0.75), 10, wood, (70, 115, 160)),
+        Box((0.4, 0.3, 0.75), (0.4, 0.3, 0.25), 40, wood, (80, 130, 165)),
+        Box((2.6, -1.8, 0), (0.5, 0.5, 1.2), -12, textures.stone, (140, 150, 160)),
+    ]
+    chest = Box((-0.7, -0.6, 0), (0.5, 0.4, 0.45), -20, wood, (60, 100, 150))
+    stool = Box((1.6, 0.6, 0), (0.45, 0.45, 0.6), 5, wood, brown)
+    moved = dataclasses.replace(chest, centre=(-0.3, -0.9, 0))
+
+    def view(name: str, camera: Camera, angle: float, turn_deg: float) -> View:
+        while True:
+            place = np.array([2.3 * np.cos(angle), 1.7 * np.sin(angle), 1.5]) + rng.normal(0, [0.15, 0.15, 0.15])
+            if min(box.distance(place) for box in (*furniture, chest, stool, moved)) > 0.3:
+                break
+            angle += 0.1
+        heading = angle + np.pi + np.radians(rng.uniform(-turn_deg, turn_deg))
+        target = place + [np.cos(heading), np.sin(heading), rng.uniform(-0.4, 0.1)]
+        return View(name, camera, scene.upright_pose(place, target, rng.normal(0, 2)))
+
+    old = [view(f"{i:03}.jpg", scene.DATABASE_CAMERA, 2 * np.pi * i / 40, 40) for i in range(40)]
+    new = [view(f"{i:03}.jpg", scene.QUERY_CAMERA, rng.uniform(0, 2 * np.pi), 50) for i in range(count)]
+    size, boxes, sun = scene.SIZE, scene.BOXES, scene.SUN
+    try:
+        scene.SIZE = np.array([6.0, 4.5, 4.0])  # the lowest wall ends at the ceiling
+        for views, label, stream, things in ((old, "database", 3, [chest, stool]), (new, "new", 4, [moved])):
+            scene.BOXES, scene.SUN = (*furniture, *things), sun if label == "database" else np.array([-0.6, 0.4, 0.5])
+            ceiling = scene._paint(
+                np.random.default_rng([seed, 79]), np.array([-3, -2.25, 2.6]), np.array([6.0, 0, 0]),
+                np.array([0, 4.5, 0]), textures.paving, 220, (200, 200, 200)
+            )  # fmt: skip
+            scene.write_images(folder / label, [*scene.build_scene(seed, 220), ceiling], views, seed, stream)
+    finally:
+        scene.SIZE, scene.BOXES, scene.SUN = size, boxes, sun
+    scene.write_database_model(folder / "model", old)
+    return {view.name: view.pose for view in new}
 
 
 def split(source: pathlib.Path, folder: pathlib.Path, blocks: bool) -> dict[str, Pose]:
@@ -137,7 +186,7 @@ def run_scene(name: str, options: argparse.Namespace) -> list[str]:
     is_new = not (folder / "truth.json").exists()
     if is_new:
         shutil.rmtree(folder, ignore_errors=True)
-        if name in ("courtyard", "half", "survey"):
+        if name in ("courtyard", "half", "survey", "room"):
             truth = rendered(name, folder, options.seed, options.num_photos)
         else:
             truth = split(pathlib.Path(name), folder, options.split == "blocks")
