@@ -112,7 +112,7 @@ def test_mistakes_of_run(typed, changed, message):
         ),
         ("--scale a.png b.png", "--scale: expected 3 arguments"),
         ("--scale a.png z.png 4.2m", "--scale z.png: is not in --database_images; the nearest is b.png"),
-        ("--scale a.png b.png far", "--scale: expected a distance in metres, found 'far'"),
+        ("--scale a.png b.png 4.2cm", "--scale: expected a distance in metres, found '4.2cm'"),
         ("--crs EPSG:99999", "--crs EPSG:99999: Invalid projection"),
     ],
 )

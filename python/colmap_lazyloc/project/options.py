@@ -299,7 +299,8 @@ def _check_metres(options: argparse.Namespace) -> None:
         if options.use_control_points is not None and getattr(options, name) is None:
             raise InputError(f"--use_control_points needs --{name}")
     if options.control_points is not None:
-        importlib.import_module("pycolmap")  # so that it is missed before any work
+        for module in ("pycolmap", "scipy"):
+            importlib.import_module(module)  # so that it is missed before any work
         given = next((name for name in ("poses", "positions", "scale") if getattr(options, name) is not None), None)
         if given is not None and (options.use_control_points is None or given == "scale"):
             name = "poses" if given == "positions" else given
@@ -320,12 +321,13 @@ def _check_metres(options: argparse.Namespace) -> None:
         if DATABASE in panorama_roles(options):
             raise InputError("--scale has no effect on panoramas")
         try:
-            options.scale[2] = options.scale[2].removesuffix("m")
-            is_positive = 0 < float(options.scale[2]) < math.inf
+            distance = options.scale[2].removesuffix("m")
+            is_positive = 0 < float(distance) < math.inf
         except ValueError:
             is_positive = False
         if not is_positive:
             raise InputError(f"--scale: expected a distance in metres, found '{options.scale[2]}'")
+        options.scale[2] = distance
     if options.crs is not None:
         if options.scale is not None:
             raise InputError("--crs has no effect with --scale, which gives no geographic coordinates")
