@@ -22,6 +22,7 @@ import shutil
 import subprocess
 import sys
 import time
+import unittest.mock
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -32,6 +33,7 @@ from colmap_lazyloc.project.steps import find_program
 from colmap_lazyloc.results import RESULTS, read_results, to_pose
 
 MAX_RIGHT_SIGMA, MAX_RIGHT_RATIO = 5, 0.005  # as in docs/method.md
+LATER_SUN = np.array([-0.6, 0.4, 0.5])  # of the second epoch
 
 
 def rendered(name: str, folder: pathlib.Path, seed: int, count: int) -> dict[str, Pose]:
@@ -56,13 +58,12 @@ def rendered(name: str, folder: pathlib.Path, seed: int, count: int) -> dict[str
         new = [View(f"new/{i:03}.jpg", QUERY_CAMERA, view.pose) for i, view in enumerate(new)]
     texels = 110 if name == "survey" else 220
     scene.write_images(folder / "database", scene.build_scene(seed, texels), old, seed, stream=3)
-    boxes, sun = scene.BOXES, scene.SUN
-    try:  # a month later: one box is gone, one has moved by half a metre, and the sun stands elsewhere
-        moved = dataclasses.replace(boxes[4], centre=(-1.1, -1.2, 0))
-        scene.BOXES, scene.SUN = (*boxes[:4], moved, *boxes[5:7], *boxes[8:]), np.array([-0.6, 0.4, 0.5])
+    # A month later: one box is gone, one has moved by half a metre, and the sun stands elsewhere.
+    boxes = scene.BOXES
+    moved = dataclasses.replace(boxes[4], centre=(-1.1, -1.2, 0))
+    later_boxes = (*boxes[:4], moved, *boxes[5:7], *boxes[8:])
+    with unittest.mock.patch.multiple(scene, BOXES=later_boxes, SUN=LATER_SUN):
         later = scene.build_scene(seed, texels)
-    finally:
-        scene.BOXES, scene.SUN = boxes, sun
     scene.write_images(folder / "new", later, new, seed, stream=4)
     scene.write_database_model(folder / "model", [View(pathlib.Path(v.name).name, v.camera, v.pose) for v in old])
     return {pathlib.Path(view.name).name: view.pose for view in new}
@@ -97,18 +98,17 @@ def rendered_room(folder: pathlib.Path, seed: int, count: int) -> dict[str, Pose
 
     old = [view(f"{i:03}.jpg", scene.DATABASE_CAMERA, 2 * np.pi * i / 40, 40) for i in range(40)]
     new = [view(f"{i:03}.jpg", scene.QUERY_CAMERA, rng.uniform(0, 2 * np.pi), 50) for i in range(count)]
-    size, boxes, sun = scene.SIZE, scene.BOXES, scene.SUN
-    try:
-        scene.SIZE = np.array([6.0, 4.5, 4.0])  # the lowest wall ends at the ceiling
-        for views, label, stream, things in ((old, "database", 3, [chest, stool]), (new, "new", 4, [moved])):
-            scene.BOXES, scene.SUN = (*furniture, *things), sun if label == "database" else np.array([-0.6, 0.4, 0.5])
+    size = np.array([6.0, 4.5, 4.0])  # the lowest wall ends at the ceiling
+    for views, label, stream, things, sun in (
+        (old, "database", 3, [chest, stool], scene.SUN),
+        (new, "new", 4, [moved], LATER_SUN),
+    ):
+        with unittest.mock.patch.multiple(scene, SIZE=size, BOXES=(*furniture, *things), SUN=sun):
             ceiling = scene._paint(
                 np.random.default_rng([seed, 79]), np.array([-3, -2.25, 2.6]), np.array([6.0, 0, 0]),
                 np.array([0, 4.5, 0]), textures.paving, 220, (200, 200, 200)
             )  # fmt: skip
             scene.write_images(folder / label, [*scene.build_scene(seed, 220), ceiling], views, seed, stream)
-    finally:
-        scene.SIZE, scene.BOXES, scene.SUN = size, boxes, sun
     scene.write_database_model(folder / "model", old)
     return {view.name: view.pose for view in new}
 

@@ -77,9 +77,7 @@ bool IsDense(const PriorGroup& group) { return group.frames.size() <= kMaxNumDen
 // Returns a root of the precision of the deviations that adjustment uses.
 RowMajorMatrix RootOf(const PriorGroup& group, PosePart part) {
   if (!IsDense(group)) return SparseRootOfPrecision(ComputePriorCovariance(group, part));
-  const PriorPrecision precision = ComputePriorPrecision(group);
-  const Eigen::MatrixXd& of_part = part == PosePart::ROTATION ? precision.rotation : precision.position;
-  return Eigen::MatrixXd(of_part.llt().matrixU()).sparseView();
+  return Eigen::MatrixXd(ComputePriorPrecision(group, part).llt().matrixU()).sparseView();
 }
 
 PriorPrecision PrecisionOf(const PriorGroup& group) {

@@ -14,6 +14,8 @@
 namespace lazyloc {
 namespace {
 
+// The focal length is searched from the given one over this factor to the one times it.
+constexpr double kMaxFocalFactor = 3;
 // Number of factors on each side of 1. Neighbours differ by 8 %, which adjustment corrects.
 constexpr int kNumSteps = 14;
 

@@ -8,9 +8,6 @@
 
 namespace lazyloc {
 
-// The focal length is searched from the given one over this factor to the one times it.
-inline constexpr double kMaxFocalFactor = 3;
-
 // Returns true if the camera model has a focal length.
 bool HasFocalLength(const Camera& camera);
 // Returns true if the focal length of the query is estimated whatever the images say of the given value.

@@ -3,14 +3,6 @@
 #include <Eigen/Cholesky>
 
 namespace lazyloc {
-namespace {
-
-Eigen::MatrixXd PrecisionOf(const PriorGroup& group, PosePart part) {
-  const Eigen::MatrixXd covariance = ComputePriorCovariance(group, part);
-  return covariance.llt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
-}
-
-}  // namespace
 
 Eigen::MatrixXd ComputePriorCovariance(const PriorGroup& group, PosePart part) {
   const auto size = static_cast<Eigen::Index>(group.frames.size());
@@ -21,8 +13,13 @@ Eigen::MatrixXd ComputePriorCovariance(const PriorGroup& group, PosePart part) {
   return covariance;
 }
 
+Eigen::MatrixXd ComputePriorPrecision(const PriorGroup& group, PosePart part) {
+  const Eigen::MatrixXd covariance = ComputePriorCovariance(group, part);
+  return covariance.llt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
+}
+
 PriorPrecision ComputePriorPrecision(const PriorGroup& group) {
-  return {PrecisionOf(group, PosePart::ROTATION), PrecisionOf(group, PosePart::POSITION)};
+  return {ComputePriorPrecision(group, PosePart::ROTATION), ComputePriorPrecision(group, PosePart::POSITION)};
 }
 
 std::vector<Eigen::MatrixXd> ComponentCovariances(const PriorGroup& group, const PriorPrecision& precision,

@@ -26,8 +26,9 @@ struct PriorPrecision {
   Eigen::MatrixXd rotation, position;  // of one coordinate, by frame
 };
 
-// Returns the covariance of the deviations in a coordinate of the rotation or of the position.
+// Return the covariance of the deviations in a coordinate of the rotation or of the position, and its inverse.
 Eigen::MatrixXd ComputePriorCovariance(const PriorGroup& group, PosePart part);
+Eigen::MatrixXd ComputePriorPrecision(const PriorGroup& group, PosePart part);
 
 PriorPrecision ComputePriorPrecision(const PriorGroup& group);
 
