@@ -2,9 +2,9 @@
 
     lazyloc serve localization/model
 
-MODEL is the folder of a COLMAP model, or the output folder of `lazyloc run`. The database is opened once, not for each
-photo. GET / returns a page for phones and browsers, and /openapi.json describes the interface. Only this machine can
-reach the service, unless --host says otherwise. Options of `colmap lazy_localizer` work here, too.
+MODEL is the folder of a COLMAP model, or the output folder of `lazyloc run`. The database is opened only once. GET /
+returns a page for phones and browsers, and GET /openapi.json a description of the interface. Without --host, only
+programs on this machine can reach the service. You can also pass options of `colmap lazy_localizer`.
 """
 
 import argparse
@@ -35,7 +35,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
     add(
         "--database_path",
         type=pathlib.Path,
-        help="COLMAP database with the features of the posed images; it is only read; default: database.db beside "
+        help="COLMAP database with the features of the posed images; opened read-only; default: database.db beside "
         "MODEL",
     )
     add("--host", default="127.0.0.1", help="address to listen on; 0.0.0.0: all IPv4 addresses; default: %(default)s")
@@ -44,24 +44,22 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
         "--tokens",
         type=pathlib.Path,
         metavar="FILE",
-        help="file with one bearer token per line; a request needs one of these; default: no token is needed",
+        help="file with one bearer token per line; each request needs one of these tokens; default: no tokens are needed",
     )
     add = parser.add_argument_group("limits").add_argument
-    add("--max_megabytes", type=positive_int, default=20, help="maximum size of a request; default: %(default)s")
-    add("--max_megapixels", type=positive_int, default=64, help="maximum size of a photo; default: %(default)s")
+    add("--max_megabytes", type=positive_int, default=20, help="maximum megabytes per request; default: %(default)s")
+    add("--max_megapixels", type=positive_int, default=64, help="maximum megapixels per photo; default: %(default)s")
     add(
         "--max_queue",
         type=positive_int,
         default=16,
-        help="maximum number of photos that wait while LazyLocalizer.num_threads photos are localized; more are "
-        "refused "
-        "with status 503; default: %(default)s",
+        help="maximum number of waiting photos; further photos are refused with HTTP status 503; default: %(default)s",
     )
     add(
         "--max_seconds",
         type=positive_int,
         default=60,
-        help="maximum time from a request to its answer; default: %(default)s",
+        help="maximum seconds from a request to its answer; default: %(default)s",
     )
     options, words = parser.parse_known_args(arguments)
     settings = _parse_words(words)

@@ -27,24 +27,24 @@ void ForEachFileOption(Options& o, const Add& add) {
       "matched in memory",
       OptionRole::MACHINE);
   add("retrieval_index_path", &o.source.photos.retrieval_index_path,
-      "Visual index, which finds the database images that look like a photo; created or updated if needed, or by "
-      "colmap lazy_indexer; default: an index in memory if there are more than 50 database images",
+      "File of the visual index, which finds the database images that look like a photo. The file is created or "
+      "updated if needed; default: an index in memory if there are more than 50 database images",
       OptionRole::INPUT);
   add("onnx_path", &o.source.photos.features.aliked.onnx_path,
-      "Folder of COLMAP 4's ONNX models. Photos are matched by ALIKED features if the database has these, or if SIFT "
-      "does not localize a photo (for example at night)",
+      "Folder of COLMAP 4's ONNX models. Photos are matched by ALIKED features if the database contains ALIKED "
+      "features, or if SIFT features do not localize a photo (for example at night)",
       OptionRole::INPUT);
   add("rig_config_path", &o.source.selection.groups.rig_config_path,
       "Camera rigs in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or model",
       OptionRole::INPUT);
   add("query_trajectory_path", &o.source.selection.groups.trajectory_path,
       "Relative poses of the queries, for example from odometry: a COLMAP model, a file in TUM's format, or a file "
-      "like poses.txt. Each group of queries is localized as one rigid body; without an option for groups, all "
-      "queries are one group",
+      "like poses.txt. Each group of queries is localized as one rigid body; by default, all queries are one group",
       OptionRole::INPUT);
   add("query_position_path", &o.source.priors.position_path,
-      "Rough positions of the queries, for example from GPS: lines `name x y z stddev`, or with three standard "
-      "deviations or the six numbers of a covariance. A position is not used if the images contradict it",
+      "Rough positions of the queries, for example from GPS: lines `name x y z stddev`. Instead of stddev, a line may "
+      "have three standard deviations or a covariance (six numbers). A position is not used if the images contradict "
+      "it",
       OptionRole::INPUT);
   add("query_gravity_path", &o.source.priors.gravity_path,
       "Direction of gravity in the camera axes of the queries, for example from an accelerometer: lines `name gx gy "
@@ -67,23 +67,26 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Part of the queries to localize, for example 17/256 for the 17th of 256 shards; colmap lazy_merger joins the "
       "results; default: all queries",
       OptionRole::OUTPUT);
-  add("log_path", &o.log_path, "File for one line of JSON per finished query; with --resume 1, lines are appended",
+  add("log_path", &o.log_path,
+      "File to which one line of JSON is written for each finished query; with --resume 1, lines are appended",
       OptionRole::OUTPUT);
   add("ImageReader.camera_params", &o.source.photos.camera_params,
-      "Camera parameters of photos whose camera is not known otherwise, separated by commas; default: a camera of "
-      "the database with the photo's size, else the focal length in EXIF, else a guess");
+      "Camera parameters, separated by commas, of photos without known intrinsics; default: the parameters of a "
+      "database camera with the photo's size, else the focal length in EXIF, else a guess");
   add("ImageReader.single_camera", &o.source.single_camera,
-      "Queries of the same size whose intrinsics nobody has stated were taken by one camera with one zoom, which is "
-      "estimated from up to 20 of them together and written to options.ini; not for groups, rigs and trajectories. By "
-      "default, this applies to queries that have one camera in the database");
+      "Assume that one camera with one zoom took all queries of the same size without given intrinsics. The "
+      "intrinsics of this camera are estimated from up to 20 of these queries together, and written to options.ini. "
+      "Not for groups, rigs and trajectories. By default, only queries that share a camera in the database share "
+      "intrinsics");
   add("ImageReader.single_camera_per_image", &o.source.single_camera_per_image,
-      "Each query without known intrinsics has a camera of its own, even if the database has one for several");
+      "Estimate the intrinsics of each query without given intrinsics individually, even if several queries share a "
+      "camera in the database");
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
-      "Number of database images to use per query: the images with the most verified inliers; with --pairs_path, all "
+      "Number of database images to use per query: the images with the most verified inliers. With --pairs_path, all "
       "listed images are used");
   add("LazyLocalizer.method", &o.localizer.method,
-      "Method: extended; or paper, for comparison: LazyLoc as published, with one start, one bundle adjustment by "
-      "Ceres, exact database poses, and each query individually");
+      "Method: extended is the method of this program; paper is LazyLoc as published, for comparison, with one start, "
+      "one bundle adjustment by Ceres, exact database poses, and each query individually");
   add("LazyLocalizer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores", OptionRole::MACHINE);
   add("LazyLocalizer.seed", &o.localizer.seed, "Seed of all random choices; the same seed gives the same results");
   add("LazyLocalizer.group_size", &o.source.selection.groups.group_size,
@@ -97,9 +100,10 @@ void ForEachBasicOption(Options& o, const Add& add) {
   add("LazyLocalizer.world_up", &o.source.priors.world_up,
       "Upward direction in the model, for example 0,0,1; needed for --query_gravity_path");
   add("LazyLocalizer.depth_is_metric", &o.localizer.depth_is_metric,
-      "Assume that depths in --depth_path are in the unit of the model, even if no triangulated points confirm this");
+      "Assume that the depths in --depth_path are in the unit of the model, even if no triangulated points confirm "
+      "this unit");
   add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
-      "Minimum probability that the position is right; below this, a query has the status LOW_CONFIDENCE");
+      "Minimum probability that the position is right; a query with a lower probability has the status LOW_CONFIDENCE");
 }
 
 template <typename Options, typename Add>
@@ -108,61 +112,65 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "File with the names of one group of queries per line; each group is localized together", OptionRole::INPUT);
   add("LazyLocalizer.Advanced.use_rigs", &o.selection.groups.use_rigs, "Localize the images of a rig's frame together");
   add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
-      "Lengths in --query_trajectory_path are in the unit of the model; 0: estimate their scale for each group");
+      "Lengths in --query_trajectory_path are in the unit of the model; 0: estimate the scale of the trajectory for "
+      "each group");
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
-      "Depth, in the unit of the model, of the value 1 in PNG files of --depth_path");
+      "Depth that the value 1 in a PNG file of --depth_path stands for, in the unit of the model");
   add("LazyLocalizer.Advanced.on_demand", &o.photos.on_demand,
-      "If the database lacks the SIFT features of a database image, extract them from its file below --image_path "
-      "when a photo needs them. Similar images are then found by coarse features of these files. Features are kept "
-      "beside the index");
+      "Extract the SIFT features of a database image from its file below --image_path when a photo needs them, if the "
+      "database does not contain them. Similar images are found by coarse features of these files. Extracted features "
+      "are kept beside the index");
   add("LazyLocalizer.Advanced.photo_position_path", &o.photos.position_path,
-      "Rough positions of photos, as for --query_position_path, that only choose the database images with which a photo "
-      "is compared first. Positions of --query_position_path do this, too",
+      "Rough positions of photos, in the format of --query_position_path. They only decide with which database images "
+      "a photo is compared first; positions in --query_position_path decide this, too",
       OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
   add("LazyLocalizer.Advanced.cache_gb", &o.photos.cache_gb,
-      "Memory in gigabytes for features of database images, when photos are localized", OptionRole::MACHINE);
+      "Memory in gigabytes for features of database images, if photos are localized", OptionRole::MACHINE);
 }
 
 template <typename Options, typename Add>
 void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.rig_noise_px", &o.rig_noise_px,
-      "Expected error of the relative poses of a rig or trajectory, as a displacement of keypoints; 0: they are exact");
+      "Expected error of the relative poses of a rig or trajectory, as a displacement of keypoints; 0: the relative "
+      "poses are exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
-      "Standard deviation of the rotations of database images in degrees; 0 here and for the positions: the poses "
-      "are exact; -1 for both: their errors are estimated for each query");
+      "Standard deviation of the rotations of database images, in degrees. 0 for rotations and positions: the poses "
+      "are exact; -1 for rotations and positions: the pose errors are estimated for each query");
   add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
-      "Standard deviation of the positions of database images in the unit of the model; 0 here and for the "
-      "rotations: the poses are exact; -1 for both: their errors are estimated for each query");
+      "Standard deviation of the positions of database images, in the unit of the model. 0 for rotations and "
+      "positions: the poses are exact; -1 for rotations and positions: the pose errors are estimated for each query");
   add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
-      "Standard deviation of a given focal length, as a fraction of the focal length; 0: the covariance does not "
-      "include it");
+      "Standard deviation of a given focal length, as a fraction of the focal length; 0: the pose covariance ignores "
+      "errors of the focal length");
 }
 
 template <typename Options, typename Add>
 void ForEachFeatureOption(Options& o, const Add& add) {
-  add("ImageReader.camera_model", &o.camera_model, "Camera model of photos whose camera is not known otherwise");
+  add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without known intrinsics");
   auto& extraction = o.features.sift;
   add("SiftExtraction.max_image_size", &extraction.max_image_size,
       "Maximum width and height of a photo in pixels; a larger photo is scaled down for extraction");
   add("SiftExtraction.max_num_features", &extraction.max_num_features,
-      "Maximum number of features per photo; features of the largest scales are kept; with the default, a photo is first "
-      "localized with 4000; -1: the number that 95 % of the database images do not exceed");
+      "Maximum number of features per photo; the features of the largest scales are kept. With the default, a photo "
+      "is first localized with 4000 features. -1: the number of features that 95 % of the database images do not "
+      "exceed");
   add("SiftExtraction.first_octave", &extraction.first_octave,
-      "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not; -2: the first octave that the "
-      "keypoints of the database images need");
+      "First octave of the image pyramid. -1: the size of a photo is doubled; 0: it is not; -2: the first octave that "
+      "the keypoints of the database images need");
   add("SiftExtraction.estimate_affine_shape", &extraction.estimate_affine_shape,
       "Estimate elliptical instead of circular feature shapes");
   add("SiftExtraction.domain_size_pooling", &extraction.domain_size_pooling, "Pool descriptors over several scales");
   add("SiftExtraction.upright", &extraction.upright,
       "Assume that photos are upright, and fix the orientation of features");
   add("AlikedExtraction.max_num_features", &o.features.aliked.max_num_features,
-      "Maximum number of ALIKED features per photo; features with the highest scores are kept");
+      "Maximum number of ALIKED features per photo; the features with the highest scores are kept");
   add("FeatureMatching.type", &o.features.matcher,
-      "How photos are matched: SIFT_BRUTEFORCE, ALIKED_BRUTEFORCE, or ALIKED_LIGHTGLUE, which takes seconds per pair "
-      "and bridges larger changes of light and viewpoint. AUTO: by brute force with the features of the database; "
-      "with --onnx_path, a photo that is not localized is matched again by ALIKED_LIGHTGLUE");
+      "How photos are matched: SIFT_BRUTEFORCE, ALIKED_BRUTEFORCE, ALIKED_LIGHTGLUE or AUTO. ALIKED_LIGHTGLUE copes "
+      "with larger changes of light and viewpoint, but takes seconds per pair. AUTO matches by brute force, with the "
+      "type of features in the database; with --onnx_path, a photo that is not localized is matched again by "
+      "ALIKED_LIGHTGLUE");
 }
 
 template <typename Options, typename Add>

@@ -43,8 +43,8 @@ void ForEachBasicOption(IndexerOptions& o, const Add& add) {
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
       "Maximum number of visual words in the index; a small database has fewer words");
   add("LazyIndexer.max_num_features", &o.retrieval.max_num_features,
-      "Maximum number of indexed features per image; features of the largest scales are kept; -1: all; an existing "
-      "index keeps its number");
+      "Maximum number of indexed features per image; the features of the largest scales are kept; -1: all features; "
+      "an existing index keeps the number with which it was made");
   add("LazyIndexer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores");
 }
 template <typename Add>
@@ -66,23 +66,26 @@ void ForEachAdvancedOption(MergerOptions&, const Add&) {}
 template <typename Add>
 void ForEachBasicOption(EpochCommandOptions& o, const Add& add) {
   add("database_path", &o.database_path,
-      "COLMAP database with the new photos and the database images: keypoints, and verified matches of photos with "
-      "database images and with each other; opened read-only");
+      "COLMAP database with the keypoints of the new photos and the database images, and verified matches of the new "
+      "photos with database images and with each other; opened read-only");
   add("input_path", &o.input_path, "Folder of the COLMAP model of the database images; their poses stay as they are");
   add("localized_path", &o.localized_path, "Output folder of colmap lazy_localizer for the new photos");
-  add("output_path", &o.output_path, "Folder for the results, in the files of colmap lazy_localizer");
+  add("output_path", &o.output_path,
+      "Folder for the results, in the same files as the results of colmap lazy_localizer");
   add("control_points_path", &o.control_points_path,
-      "Text file of surveyed points and their marks in new photos and database images; the new photos are then in the "
-      "frame of the points. Lines `point NAME x y z stddev_x stddev_y stddev_z`, each followed by lines `mark IMAGE x "
-      "y`; default: the frame of the database images");
+      "Text file of control points: lines `point NAME x y z stddev_x stddev_y stddev_z`, each followed by its marks "
+      "in photos and database images, in lines `mark IMAGE x y`. The new photos are then placed in the frame of the "
+      "control points; default: the frame of the database images");
   add("LazyEpoch.mark_stddev_px", &o.epoch.mark_stddev_px,
-      "Standard deviation of a mark of a control point per coordinate, in pixels");
+      "Standard deviation of each coordinate of a control point's mark, in pixels");
   add("LazyEpoch.with_database", &o.with_database,
       "Also write the database images into the model, with unchanged poses");
   add("LazyEpoch.shared_intrinsics", &o.epoch.shares_intrinsics,
-      "Refine one camera for all photos for which the database states the same intrinsics; 0: one for each photo");
+      "Refine one camera for all photos that have the same intrinsics in the database; 0: refine one camera for each "
+      "photo");
   add("LazyEpoch.min_confidence", &o.epoch.min_confidence,
-      "Minimum probability that the position of a photo is right that only matches with other new photos place");
+      "Minimum probability that the position is right, for a photo that can be localized only by its matches with "
+      "other new photos");
   add("LazyEpoch.num_threads", &o.epoch.num_threads, "Number of threads; -1 uses all cores");
 }
 template <typename Add>
@@ -361,8 +364,8 @@ bool ParseCommandLine(int argc, char** argv, MergerOptions* options) {
 
 bool ParseCommandLine(int argc, char** argv, EpochCommandOptions* options) {
   return ParseAndCheck(argc, argv, "lazy_epoch",
-                       "colmap lazy_epoch: adjusts new photos that colmap lazy_localizer has localized, all together, "
-                       "in the frame of the database images, which do not move.",
+                       "colmap lazy_epoch: adjusts the poses of new photos together, after colmap lazy_localizer has "
+                       "localized these photos; the poses of the database images do not change.",
                        options);
 }
 
