@@ -3,15 +3,16 @@
     lazyloc control_points RESULTS gcp_list.txt
 
 RESULTS is the output folder of `lazyloc run` or of `colmap lazy_localizer`, or the folder of a COLMAP model. The points
-and their marks are in one file, gcp_list.txt of OpenDroneMap or the XML file of markers that Metashape exports, or in
-two tables: one with the columns `point, latitude, longitude, height` or `point, x, y, z`, the other with `photo, point,
-x, y` (pixels from the corner of the photo, as in COLMAP). A point without coordinates is compared between old and new
-photos only.
+and their marks are in one file or in two tables. One file is gcp_list.txt of OpenDroneMap, or the XML file of markers
+that Metashape exports. Of the two tables, the first has the columns `point, latitude, longitude, height` or
+`point, x, y, z`. The second has the columns `photo, point, x, y`, with x and y in pixels from the corner of the photo,
+as in COLMAP. A point without coordinates is only compared between the database photos and the new photos.
 
-The rays of a point's marks meet at a place, once for the database photos and once for the new ones. The command prints
-how far this place is from the surveyed one, and how far the surveyed point is from its marks in pixels. Where both sets
-of photos see points, it prints the shift of the new photos. The results of a run get a file control_points.json, with
-which the next report shows the residuals.
+The rays through the marks of a point meet at one place. The command computes this place twice: from the marks in the
+database photos, and from the marks in the new photos. It prints the distance between each place and the surveyed point,
+and the distance in pixels between the projected surveyed point and its marks. If database photos and new photos show
+the same points, the command also prints the shift of the new photos. It writes the residuals of a run to
+control_points.json, and the next report shows them.
 """
 
 import argparse
@@ -257,10 +258,15 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("files", metavar="FILE", nargs="+", type=pathlib.Path, help="points and marks, in one file or in two")
     add(
         "--crs",
-        help="coordinate reference system of x, y, z in a table, for example EPSG:32632; default: the coordinates of "
-        "the model",
+        help="coordinate reference system of x, y, z in a table, for example EPSG:32632; default: x, y, z are "
+        "coordinates of the model",
     )
-    add("--output", type=pathlib.Path, metavar="FILE", help="CSV file for the table; default: it is printed")
+    add(
+        "--output",
+        type=pathlib.Path,
+        metavar="FILE",
+        help="CSV file for the errors of each point; default: the table is printed",
+    )
     return parser.parse_args(arguments)
 
 

@@ -4,9 +4,9 @@
 
 ESTIMATED is the output folder of `colmap lazy_localizer`. ESTIMATED and TRUTH may also be files with lines
 `name qw qx qy qz tx ty tz` (cam_from_world, as in poses.txt), or folders with a COLMAP model, text or binary.
-Mean and median are over the localized queries. The recall is over all queries: a query without a pose counts as a
-failure. Lengths are in metres with --unit m, or if TRUTH is a model with geographic coordinates; otherwise they are in
-the unit of the database.
+Mean and median are computed over the localized queries. The recall is computed over all queries, so a query without a
+pose counts as a failure. Lengths are in metres if you pass --unit m, or if TRUTH is a model with geographic
+coordinates. Otherwise, lengths are in the unit of the database.
 """
 
 import argparse
@@ -215,8 +215,9 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--query_list_path",
         type=pathlib.Path,
         help="file with the queries to evaluate, one per line: `name` or `name MODEL width height params...`; "
-        "default: all names in the ground-truth file. If the ground truth is a model: its images that were queries of "
-        "the run (results.jsonl beside the estimated poses), or without it all images with an estimated pose",
+        "default: all names in the ground-truth file. If the ground truth is a model, the default is its images that "
+        "were queries of the run (results.jsonl beside the estimated poses). Without results.jsonl, it is all images "
+        "with an estimated pose",
     )
     parser.add_argument(
         "--thresholds",
@@ -227,7 +228,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--unit",
         choices=("database", METRE),
-        help="unit of lengths: m, or whatever the database has; default: m if TRUTH is a model with geo.json",
+        help="unit of lengths: m (metres) or the unit of the database; default: m if TRUTH is a model with geo.json",
     )
     parser.add_argument("--per_query", action="store_true", help="also print the errors of each query")
     parser.add_argument("--json", type=pathlib.Path, help="also write the results to this file")

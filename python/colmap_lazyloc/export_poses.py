@@ -2,12 +2,12 @@
 
     lazyloc export RESULTS --format FORMAT --output PATH
 
-RESULTS is the output folder of `colmap lazy_localizer` or of `lazyloc run`. FORMAT is one of the following; `lazyloc
-import` reads all of them except EXPORTS.
+RESULTS is the output folder of `colmap lazy_localizer` or of `lazyloc run`. FORMAT is one of the following formats.
+`lazyloc import` can read all of these formats except EXPORTS.
 
 FORMATS
-Poses keep the coordinates of the model. Formats with latitude and longitude need a model with geo.json. A line names
-what the format cannot store.
+Poses keep the coordinates of the model. Formats with latitude and longitude need a model with geo.json. The command
+prints a line that names the data that the format cannot store.
 """
 
 import argparse
@@ -50,19 +50,19 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--with_database",
         action="store_true",
-        help="also write the database images; default: only the localized photos",
+        help="also write the poses of the database images; default: only the localized photos",
     )
     add(
         "--crs",
-        help="for realitycapture, the coordinate reference system of the positions, for example EPSG:32632; default: "
-        "the coordinates of the model",
+        help="for realitycapture: coordinate reference system of the positions, for example EPSG:32632; default: the "
+        "coordinates of the model",
     )
     add(
         "--transforms",
         type=pathlib.Path,
         metavar="FILE",
-        help="for transforms, dataparser_transforms.json of a nerfstudio training, or transforms.json of its data: "
-        "poses are written in the coordinates of this training or of this data",
+        help="for transforms: dataparser_transforms.json of a nerfstudio training, or transforms.json of its data; "
+        "the poses are written in the coordinates of this training or of this data",
     )
     add("--overwrite", action="store_true", help="replace PATH if it exists")
     return parser.parse_args(arguments)

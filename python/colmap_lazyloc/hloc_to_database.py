@@ -88,9 +88,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--features_path", type=pathlib.Path, required=True, help="hloc's features of all images (.h5)")
     parser.add_argument("--matches_path", type=pathlib.Path, required=True, help="hloc's matches (.h5)")
-    parser.add_argument("--pairs_path", type=pathlib.Path, required=True, help="file with two image names per line")
     parser.add_argument(
-        "--model_path", type=pathlib.Path, required=True, help="folder with a COLMAP model of the posed images"
+        "--pairs_path", type=pathlib.Path, required=True, help="file with the image pairs, two names per line"
+    )
+    parser.add_argument(
+        "--model_path", type=pathlib.Path, required=True, help="folder of a COLMAP model of the posed images"
     )
     parser.add_argument(
         "--query_list_path",

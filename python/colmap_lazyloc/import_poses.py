@@ -6,12 +6,12 @@ FORMAT is one of the following; `auto` recognizes FILE by its content.
 
 FORMATS
 
-Two formats make something else. With `exif`, FILE is a folder of photos; their GPS positions are written to a text
-file for `colmap lazy_localizer --query_position_path`. With `panoramas`, FILE is a folder of equirectangular photos;
-they are cut into perspective images, with rig.json and queries.txt.
+Two other values of FORMAT do not make a model of poses. With `exif`, FILE is a folder of photos. Their GPS positions
+are written to a text file for `colmap lazy_localizer --query_position_path`. With `panoramas`, FILE is a folder of
+equirectangular photos. They are cut into perspective images, and rig.json and queries.txt are written.
 
 Geographic coordinates are converted to a local frame in metres: x east, y north, z up. The file geo.json beside the
-model has the origin of this frame.
+model contains the origin of this frame.
 """
 
 import argparse
@@ -57,13 +57,14 @@ def add_source_options(add: Callable[..., Any]) -> None:
         "--calibration",
         type=pathlib.Path,
         metavar="FILE",
-        help="where the camera is mounted on the robot or vehicle, and its intrinsics, if the poses are of the body: "
-        "sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or calib_cam_to_pose.txt (KITTI-360)",
+        help="file that says where the camera is mounted on the robot or vehicle, if the poses are of its body; also "
+        "contains the intrinsics: sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or "
+        "calib_cam_to_pose.txt (KITTI-360)",
     )
     add(
         "--crs",
-        help="coordinate reference system of the positions, for example EPSG:32632; default: what the file says, or a "
-        "local frame",
+        help="coordinate reference system of the positions, for example EPSG:32632; default: the system that the "
+        "file names, or a local frame",
     )
     add(
         "--geo_origin",
@@ -135,27 +136,29 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--image_path",
         type=pathlib.Path,
-        help="folder of the photos: poses of other photos are left out, and images get the names of these files",
+        help="folder of the photos. Poses of photos outside this folder are left out, and the images of the model "
+        "get the names of the photos",
     )
     add("--binary", action="store_true", help="write binary files; default: text")
     add(
         "--model",
         type=pathlib.Path,
-        help="for exif: model with geo.json, to whose coordinates the positions are converted; default: the origin is "
+        help="for exif: model with geo.json; the positions are converted to its coordinates; default: the origin is "
         "the mean position of the photos",
     )
     add(
         "--rig_config_path",
         type=pathlib.Path,
         metavar="FILE",
-        help="rig calibration: the poses are of the rig's reference camera, and the poses of its other cameras are "
-        "computed from them",
+        help="rig calibration, if the poses are of the rig's reference camera; the poses of the other cameras are "
+        "computed from it",
     )
     add(
         "--poses",
         type=pathlib.Path,
         metavar="FILE",
-        help="for panoramas: poses of the panoramas, in any format; also writes a model of the perspective images",
+        help="for panoramas: poses of the panoramas, in any format; a model of the perspective images is then "
+        "written, too",
     )
     add_source_options(add)
     add_accept_option(add)

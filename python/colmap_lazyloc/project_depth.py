@@ -1,11 +1,12 @@
-"""Makes depth maps of posed images by projecting points: those of a laser scan or of a COLMAP model.
+"""Makes depth maps of posed images by projecting the points of a laser scan or of a COLMAP model.
 
     python -m colmap_lazyloc.project_depth MODEL --points POINTS --output_path MAPS
 
-MODEL is a folder with a COLMAP model, POINTS a PLY file or a folder with points3D.bin, in the coordinates of the model.
-MAPS receives NAME.npy for each image, which `colmap lazy_localizer --depth_path MAPS` reads. The nearest point decides
-about a pixel and its surroundings (--splat_px); pixels without a point stay unknown. A scan must be dense enough to
-hide what is behind its surfaces: choose --max_size such that each pixel of a surface has a point.
+MODEL is the folder of a COLMAP model. POINTS is a PLY file, or a folder with points3D.bin, in the coordinates of the
+model. The command writes a file NAME.npy to MAPS for each image, for `colmap lazy_localizer --depth_path MAPS`. The
+depth of a pixel is the depth of the nearest point at this pixel or within --splat_px pixels of it. The depth of a pixel
+without points is unknown. Choose --max_size so small that each pixel of a surface has a point; otherwise, points behind
+the surface appear in the map.
 """
 
 import argparse
@@ -122,10 +123,15 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("model_path", type=pathlib.Path, help="folder with a COLMAP model: the images and their poses")
     parser.add_argument("--points", type=pathlib.Path, required=True, help="PLY file, or folder with points3D.bin")
-    parser.add_argument("--output_path", type=pathlib.Path, required=True, help="folder for the maps")
-    parser.add_argument("--max_size", type=int, default=640, help="maximum size of a map in pixels; default: 640")
+    parser.add_argument("--output_path", type=pathlib.Path, required=True, help="folder for the depth maps")
     parser.add_argument(
-        "--splat_px", type=int, default=1, help="how far a point reaches beyond its pixel, in pixels; default: 1"
+        "--max_size", type=int, default=640, help="maximum width and height of a depth map in pixels; default: 640"
+    )
+    parser.add_argument(
+        "--splat_px",
+        type=int,
+        default=1,
+        help="distance, in pixels, up to which a point also sets the depth of neighbouring pixels; default: 1",
     )
     return parser.parse_args(arguments)
 

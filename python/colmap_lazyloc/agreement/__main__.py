@@ -2,9 +2,9 @@
 
     lazyloc check database.db model
 
-Compares the verified matches of up to 60 image pairs with the poses. If they do not fit, the command tries common
-mistakes: other camera axes, inverse poses, photos in another order, and more. It lists images whose poses contradict
-the other poses. A wrong scale, or a shift of all poses, cannot be detected in this way.
+The command compares the verified matches of up to 60 image pairs with the poses. If the matches do not fit the poses,
+the command tries common mistakes: other camera axes, inverse poses, photos in another order, and more. It lists images
+whose poses contradict the other poses. It cannot detect a wrong scale, or a shift or rotation of all poses together.
 The exit code is 2 if the poses are wrong.
 """
 

@@ -30,7 +30,7 @@ NEEDED = ("cv2", "scipy")
 
 def add_accept_option(add: Callable[..., Any]) -> None:
     """Adds the option that switches the check off; `add`: the function of an argument parser."""
-    add("--accept_poses", action="store_true", help="go on even if the photos contradict the poses; default: stop")
+    add("--accept_poses", action="store_true", help="continue even if the photos contradict the poses; default: stop")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,10 +5,11 @@
 RESULTS is the output folder of `lazyloc run --epoch` or of `colmap lazy_epoch`. The command prints a line for each
 change, and writes changes.json beside the results. `lazyloc report RESULTS` then shows the changes, too.
 
-A thing has moved if its points are at another place in the new photos, and all of them have moved as one rigid body. A
-thing has vanished if three database photos or more show points of it, and two new photos or more, from similar
-viewpoints, show what is behind them; the other way round, it is new. Nothing is said of a place that only photos of one
-epoch show, or of a surface that only looks otherwise.
+A thing has moved if its points are at another place in the new photos, and if they have moved as one rigid body. A
+thing has vanished if at least three database photos show its points, and if at least two new photos from similar
+viewpoints show what is behind these points. A thing is new if at least three new photos show its points, and if at
+least two database photos show what is behind them. The command cannot find changes at a place that only photos of one
+epoch show, or changes of a surface's colour or texture.
 """
 
 import argparse
@@ -87,10 +88,15 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--database_path",
         type=pathlib.Path,
         metavar="FILE",
-        help="COLMAP database with keypoints of all photos and their matches, also among the photos of an epoch; "
-        "default: the one of the results",
+        help="COLMAP database with the keypoints of all photos and their matches, also between photos of the same "
+        "epoch; default: the database of RESULTS",
     )
-    add("--output", type=pathlib.Path, metavar="FILE", help=f"default: {CHANGES} beside the results")
+    add(
+        "--output",
+        type=pathlib.Path,
+        metavar="FILE",
+        help=f"file for the changes; default: {CHANGES} beside the results",
+    )
     return parser.parse_args(arguments)
 
 

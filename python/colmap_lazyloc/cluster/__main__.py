@@ -1,11 +1,11 @@
-"""Divides the queries into shards, localizes these on a Dask cluster, and merges the results.
+"""Divides the queries into shards, localizes the shards on a Dask cluster, and merges the results.
 
     lazyloc cluster --num_shards 64 --database_path database.db --input_path model \\
         --output_path localized [options of lazy_localizer]
 
 Each shard is a run of `colmap lazy_localizer --shard I/N --resume 1` on a worker. Without --scheduler, the workers are
-processes on this machine. All workers must see the files at the same
-paths. After an interruption, run the same command again: it continues from the files in the folder of the shards.
+processes on this machine. All workers must see all files at the same paths. After an interruption, run the same command
+again: it continues with the unfinished queries.
 """
 
 import argparse
@@ -38,12 +38,17 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
         is_foreign=lambda name: True,  # an option of lazy_localizer, which checks it
     )
     add = parser.add_argument
-    add("--num_shards", type=positive_int, required=True, help="number of shards; several per worker balance the load")
+    add(
+        "--num_shards",
+        type=positive_int,
+        required=True,
+        help="number of shards; several shards per worker balance the load",
+    )
     add("--output_path", type=pathlib.Path, required=True, help="folder for the merged results")
     add(
         "--shards_path",
         type=pathlib.Path,
-        help="folder for the results of the shards; default: --output_path with the ending .shards",
+        help="folder for the results of the shards; default: the path of --output_path followed by .shards",
     )
     add(
         "--num_workers",
@@ -52,13 +57,16 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
         help="without --scheduler: number of processes on this machine; default: number of cores",
     )
     add("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler, for example tcp://node1:8786")
-    add("--retries", type=int, default=2, help="how often a failed shard is tried again; default: %(default)s")
+    add("--retries", type=int, default=2, help="number of times that a failed shard is run again; default: %(default)s")
     add(
         "--dashboard_address",
         default=":8787",
         help="without --scheduler: address of Dask's dashboard; default: %(default)s",
     )
-    add("--program", help="path of colmap on the workers; default: the path on this machine, or the Python package")
+    add(
+        "--program",
+        help="path of colmap on the workers; default: the same path as on this machine, or the Python package",
+    )
     options, words = parser.parse_known_args(arguments)
     for word in words:
         name = word.removeprefix("--").split("=")[0]

@@ -1,9 +1,9 @@
 """Localizes hloc's queries from its features and matches, against a COLMAP model of which only the poses are used.
 
-`main` has the parameters of `hloc.localize_sfm.main`, and writes the same files: `results` with one line
-`name qw qx qy qz tx ty tz` per localized query, and `results_logs.pkl` in the form of hloc's InLoc pipeline, which
-`hloc.visualization.visualize_loc` reads without a reconstruction. A query that cannot be localized has no line: the
-pose of the nearest database image is never written. Needs h5py.
+`main` has the parameters of `hloc.localize_sfm.main`, and writes the same files. `results` has one line
+`name qw qx qy qz tx ty tz` per localized query. `results_logs.pkl` has the form of hloc's InLoc pipeline, so that
+`hloc.visualization.visualize_loc` reads it without a reconstruction. A query that cannot be localized has no line in
+`results`, while hloc writes the pose of the nearest database image. Needs h5py.
 """
 
 import argparse

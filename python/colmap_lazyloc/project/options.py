@@ -57,20 +57,20 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         type=pathlib.Path,
         required=True,
         metavar="DIR",
-        help="folder for the results; it is made if it does not exist",
+        help="folder for the results; created if it does not exist",
     )
     add(
         "--poses",
         type=pathlib.Path,
         metavar="PATH",
-        help="poses of the database images; default: COLMAP's mapper computes them. A table of positions without "
-        "rotations (name, latitude, longitude, altitude) gives the mapper's model its place and scale",
+        help="poses of the database images; default: COLMAP's mapper computes the poses. A table of positions "
+        "without rotations (name, latitude, longitude, altitude) determines the place and scale of the mapper's model",
     )
     add(
         "--poses_format",
         choices=[*FORMATS, *positions.FORMATS],
-        help="format of --poses; default: recognized from the content. exif: a folder of photos with GPS; positions: a "
-        "table of positions",
+        help="format of --poses; default: recognized from the content. exif: a folder of photos with GPS; positions: "
+        "a table of positions without rotations",
     )
     of_poses = parser.add_argument_group("poses").add_argument
     add_source_options(of_poses)
@@ -84,16 +84,16 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         "--scale",
         nargs=3,
         metavar=("A", "B", "METRES"),
-        help="distance in metres between the cameras of two database images, for results in metres without GPS and "
-        "without --poses, for example --scale a.jpg b.jpg 4.2",
+        help="two database images and the distance in metres between their cameras, for example --scale a.jpg b.jpg "
+        "4.2; gives results in metres without GPS and without --poses",
     )
     of_poses(
         "--control_points",
         nargs="+",
         type=pathlib.Path,
         metavar="FILE",
-        help="surveyed points that are marked in photos: the files of `lazyloc control_points`. Without --poses, "
-        "marks in database images give the model the coordinates of the points",
+        help="surveyed points and their marks in photos: the files for `lazyloc control_points`. Without --poses, "
+        "the marks in database images determine the model's coordinates: the coordinates of the points",
     )
     of_poses(
         "--use_control_points",
@@ -101,8 +101,8 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         type=_positive,
         const=POINT_STDDEV_M,
         metavar="STDDEV",
-        help="with --epoch: place the new photos in the frame of --control_points; STDDEV is the standard deviation of "
-        f"the points' coordinates, in the unit of the model (default: {POINT_STDDEV_M:g})",
+        help="with --epoch: place the new photos in the frame of --control_points. STDDEV is the standard deviation "
+        f"of the points' coordinates, in the unit of the model (default: {POINT_STDDEV_M:g})",
     )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
@@ -120,32 +120,32 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
     add(
         "--query_camera",
         metavar="'MODEL W H PARAMS...'",
-        help="intrinsics of the queries; default: from a database image of the same size, from EXIF, or a guess "
-        "that the "
-        "images correct",
+        help="intrinsics of the queries; default: the intrinsics of a database image of the same size, else from "
+        "EXIF, else a guess that the images correct",
     )
     add(
         "--one_camera",
         action="store_true",
-        help="queries of the same size without intrinsics were taken by one camera with one zoom, which is estimated "
-        "from up to 20 of them together; default: with --epoch, if they are frames of a video, or if EXIF shows it",
+        help="one camera with one zoom took all queries of the same size without intrinsics. The intrinsics of this "
+        "camera are estimated from up to 20 of these queries together; default: this is assumed if you pass --epoch, "
+        "if the queries are frames of a video, or if EXIF shows it",
     )
     add(
         "--masks",
         type=pathlib.Path,
         metavar="DIR",
-        help="folder of masks: NAME.png for the photo NAME, black where no features are extracted; masks of database "
-        "images and of queries may be in the folders `database` and `query` inside it",
+        help="folder of masks: NAME.png for the photo NAME. No features are extracted where a mask is black. Masks "
+        "of database images and of queries may be in its folders `database` and `query`",
     )
     add(
         "--panoramas",
         choices=(*PANORAMA_ROLES,),
-        help="which photos are equirectangular panoramas; these are cut into perspective images",
+        help="photos that are equirectangular panoramas; panoramas are cut into perspective images",
     )
     add(
         "--frames_per_second",
         type=_positive,
-        help=f"frames to take from each second of a video; default: {FRAMES_PER_SECOND}",
+        help=f"number of frames to extract per second of a video; default: {FRAMES_PER_SECOND}",
     )
     add(
         "--sequence",
@@ -153,16 +153,16 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const=GROUP_SIZE,
         metavar="N",
-        help="match N consecutive queries with each other and localize them together; N may be left out "
-        f"({GROUP_SIZE}); default: each query is localized alone",
+        help=f"match N consecutive queries with each other and localize them together (N is {GROUP_SIZE} if you omit "
+        "it); default: localize each query individually",
     )
     add(
         "--epoch",
         nargs="?",
         choices=("new", "both"),
         const="new",
-        help="adjust all new photos together, in the frame of the database images, which do not move; the model of the "
-        "results has the new photos, or with `--epoch both` the database images, too",
+        help="adjust the poses of all new photos together; the poses of the database images do not change. The model "
+        "of the results contains the new photos; with `--epoch both`, it also contains the database images",
     )
     add = parser.add_argument_group("steps").add_argument
     add(
@@ -171,18 +171,18 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         choices=(0, 1),
         default=0,
         help="with --poses: extract the features of all database images and match these images with each other, for "
-        "other programs that read database.db; localization does not need this; default: 0",
+        "other programs that read database.db. Localization does not need these features and matches; default: 0",
     )
     add(
         "--num_neighbors",
         type=positive_int,
-        help="with --complete, --masks or --sequence: number of nearby database images with which each database image "
-        f"is matched; default: {NUM_NEIGHBORS}",
+        help="with --complete, --masks or --sequence: number of nearby database images with which each database "
+        f"image is matched; default: {NUM_NEIGHBORS}",
     )
     add("--use_gpu", type=int, choices=(0, 1), default=0, help="extract and match features on the GPU; default: 0")
     add_flag = functools.partial(add, nargs="?", type=int, choices=(0, 1), const=1, default=0)
     add_flag("--overwrite", help="delete the results of earlier runs in the output folder, and start anew; default: 0")
-    add_flag("--strict", help="end with exit code 2 if any query was not localized; default: 0")
+    add_flag("--strict", help="exit with code 2 if any query was not localized; default: 0")
 
 
 def _is_of_localizer(name: str) -> bool:

@@ -2,9 +2,9 @@
 
     lazyloc report RUN --image_path photos --database_path database.db --output report.html
 
-RUN is the output folder of `colmap lazy_localizer` or of `lazyloc run`. The page shows where each query was
-taken, how certain its pose is, and which matches support it. Lengths are in metres with --unit m or geographic
-coordinates, otherwise in the unit of the database.
+RUN is the output folder of `colmap lazy_localizer` or of `lazyloc run`. The page shows where each query was taken, how
+certain the pose is, and which matches support the pose. Lengths are in metres if you pass --unit m or if the run has
+geographic coordinates; otherwise, lengths are in the unit of the database.
 """
 
 import argparse
@@ -34,7 +34,9 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("run", type=pathlib.Path, help="output folder of a run")
-    parser.add_argument("--output", type=pathlib.Path, required=True, help="page to write; with --split a folder")
+    parser.add_argument(
+        "--output", type=pathlib.Path, required=True, help="page to write; with --split, folder to write"
+    )
     parser.add_argument(
         "--image_path",
         type=pathlib.Path,
@@ -48,26 +50,26 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--ground_truth",
         type=pathlib.Path,
-        help="true poses of the queries: a poses file or a folder with a COLMAP model. They must be in the "
-        "coordinates of "
-        "the database, because they are not aligned; default: none, or after a leave-one-out run the input model",
+        help="true poses of the queries: a poses file, or the folder of a COLMAP model. They must be in the "
+        "coordinates of the database, because they are not aligned; default: none; after a leave-one-out run, the "
+        "input model",
     )
     parser.add_argument(
         "--split",
         action="store_true",
-        help=f"for large runs: write a folder instead of one file; open its {PAGE_NAME}, which loads the rest when "
-        f"needed",
+        help=f"for large runs: write a folder instead of one file. Open its {PAGE_NAME}, which loads the other files "
+        "when they are needed",
     )
     parser.add_argument(
         "--unit",
         choices=(METRE, MODEL_UNITS),
-        help="unit of lengths: metres, or the unknown unit of the database; default: m if the run has geographic "
+        help="unit of lengths: m (metres) or the unknown unit of the database; default: m if the run has geographic "
         "coordinates",
     )
     parser.add_argument(
         "--crs",
-        help="also show positions in this reference system, for example EPSG:32632; needs geographic coordinates "
-        "and pyproj",
+        help="also show positions in this coordinate reference system, for example EPSG:32632; needs geographic "
+        "coordinates and pyproj",
     )
     _add_bounds(parser)
     _add_other_files(parser)
@@ -79,14 +81,16 @@ def _add_bounds(parser: argparse.ArgumentParser) -> None:
         "--max_num_images",
         type=_count,
         default=80,
-        help="maximum number of queries that are shown with photo and matches, each with up to three database images. "
-        "Three quarters are the least certain queries, one quarter is drawn at random; default: %(default)s",
+        help="maximum number of queries that are shown with their photo and matches, each with up to three database "
+        "images. Three quarters of these queries are the least certain ones, and one quarter is drawn at random; "
+        "default: %(default)s",
     )
     parser.add_argument(
         "--max_num_points",
         type=_count,
         default=1000000,
-        help="maximum number of points in the scene; more are thinned evenly over the queries; default: %(default)s",
+        help="maximum number of points in the scene; if there are more, each query keeps about the same number of "
+        "points; default: %(default)s",
     )
 
 
@@ -95,16 +99,15 @@ def _add_other_files(parser: argparse.ArgumentParser) -> None:
         "--tum",
         type=pathlib.Path,
         metavar="FILE",
-        help="also write the poses for evo, in the format of the TUM benchmark (world_from_cam). The time of a "
-        "query is "
-        "the last number in its file name, or 0, 1, 2, ... if these numbers are not unique",
+        help="also write the poses for evo, in the format of the TUM benchmark (world_from_cam). The time of a query "
+        "is the last number in its file name; if these numbers are not unique, the times are 0, 1, 2, ...",
     )
     parser.add_argument(
         "--plots",
         type=pathlib.Path,
         metavar="FOLDER",
-        help="also write plots as PNG and SVG files: distributions of errors and standard deviations, and "
-        "risk-coverage",
+        help="also write plots as PNG and SVG files: distributions of the errors and the standard deviations, and "
+        "the risk-coverage curve",
     )
 
 

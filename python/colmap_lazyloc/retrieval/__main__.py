@@ -2,8 +2,8 @@
 
     lazyloc retrieve --descriptors_path global.h5 --input_path model --output_path pairs.txt
 
-The descriptors are in HDF5 files of hloc, or in `name.npy` (n x d, float16 or float32) with one image name per row in
-`name.txt`. `colmap lazy_localizer --pairs_path` and hloc read the list of pairs. The search is exact, not approximate.
+The descriptors are in an HDF5 file of hloc, or in `NAME.npy` (n x d, float16 or float32) with one image name per row in
+`NAME.txt`. `colmap lazy_localizer --pairs_path` and hloc read the list of pairs. The search is exact, not approximate.
 """
 
 import argparse
@@ -39,19 +39,19 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--query_list_path",
         type=pathlib.Path,
-        help="file with one query per line, as for lazy_localizer; default: all images of --descriptors_path that are "
-        "not database images",
+        help="file with one query per line, as for lazy_localizer; default: all images in --descriptors_path that "
+        "are not database images",
     )
     add(
         "--leave_one_out",
         action="store_true",
-        help="take the database images as queries, and compare each with all other ones",
+        help="use the database images as queries, and compare each of them with all other database images",
     )
     add("--output_path", type=pathlib.Path, required=True, help="list of pairs to write: two names per line")
     add(
         "--ordered_query_list_path",
         type=pathlib.Path,
-        help="also write the queries in an order in which lazy_localizer reads fewer images again",
+        help="also write the queries in an order in which lazy_localizer reads features less often",
     )
     add(
         "--num_retrieved",
@@ -63,10 +63,10 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--shard",
         type=parse_shard,
         metavar="I/N",
-        help="process only part I of N of the queries, as lazy_localizer does",
+        help="process only part I of N parts of the queries: the same queries as lazy_localizer --shard I/N",
     )
     add("--memory_gb", type=float, default=4, help="maximum memory in gigabytes; default: %(default)s")
-    add("--num_threads", type=int, default=-1, help="number of threads; -1 uses all cores; default: %(default)s")
+    add("--num_threads", type=int, default=-1, help="number of threads; -1: all cores; default: %(default)s")
     return parser.parse_args(arguments)
 
 
