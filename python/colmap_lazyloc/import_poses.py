@@ -57,9 +57,9 @@ def add_source_options(add: Callable[..., Any]) -> None:
         "--calibration",
         type=pathlib.Path,
         metavar="FILE",
-        help="file that says where the camera is mounted on the robot or vehicle, if the poses are of its body; also "
-        "contains the intrinsics: sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or "
-        "calib_cam_to_pose.txt (KITTI-360)",
+        help="file with the mounting of the camera on the robot or vehicle, if the poses are of the body, and with "
+        "the intrinsics: sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or calib_cam_to_pose.txt "
+        "(KITTI-360)",
     )
     add(
         "--crs",

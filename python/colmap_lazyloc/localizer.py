@@ -41,7 +41,8 @@ IDENTITY = np.array([1.0, 0, 0, 0, 0, 0, 0])
 
 
 class Localizer:
-    """Localizes queries against the posed images of a COLMAP model, with the results of `colmap lazy_localizer`.
+    """Localizes queries against the posed images of a COLMAP model. The results are the same as from
+    `colmap lazy_localizer`.
 
     You may call its methods from several threads at the same time. Invalid input raises `InputError`, a ValueError,
     with a one-sentence message. A query that cannot be localized is not an error: the status of its result gives the
@@ -56,7 +57,7 @@ class Localizer:
         index: Path | None = None,
         options: Options | None = None,
     ):
-        """Opens a database, without ever writing to it, and a model.
+        """Opens a database, read-only, and a model.
 
         `database`: a COLMAP database; None if you pass features and matches for every query (`localize_matches`).
         `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or {name: (R, t, camera)} with cam_from_world
@@ -98,9 +99,8 @@ class Localizer:
 
     @property
     def num_threads(self) -> int:
-        """Returns how many queries `localize_all` localizes at a time: the value of the option
-        LazyLocalizer.num_threads, by default the number of cores. If more of your own threads call it, it is not
-        faster."""
+        """Returns how many queries `localize_all` localizes at the same time: the value of the option
+        LazyLocalizer.num_threads, by default the number of cores."""
         return self._num_threads if self._num_threads > 0 else os.cpu_count() or 1
 
     @property
@@ -112,15 +112,16 @@ class Localizer:
     def localize(
         self, name: str, *, position: PositionPrior | None = None, gravity: GravityPrior | None = None
     ) -> Result:
-        """Localizes one of `queries`. If the options or rigs form groups, its group is localized with it.
+        """Localizes one of `queries`. If the query belongs to a group or a rig's frame, all images
+        of this group or frame are localized.
 
         `position`: ((x, y, z), uncertainty), the rough position of the camera in the model's coordinates, for example
         from GPS. The uncertainty is one standard deviation, one for each coordinate, or a 3x3 covariance.
         `gravity`: ((x, y, z), standard deviation in degrees), the downward direction in the camera's axes (x right, y
         down, z forward). It needs the option world_up.
 
-        These values replace the values in files that the options name. They are not used if the images contradict
-        them; `as_dict()["priors"]` of the result shows how they were used.
+        These values replace the values in the files of the options query_position_path and query_gravity_path. A value
+        is not used if the images contradict it; `as_dict()["priors"]` of the result shows how the values were used.
         """
         localizer = self._open()
         group = localizer.find_group(_check_name(name))

@@ -40,7 +40,10 @@ class PosedLike(Protocol):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pose:
-    """A pose cam_from_world: x_cam = rotation x_world + tvec. Both vectors keep every bit: qvec is not normalized."""
+    """A pose cam_from_world: x_cam = rotation x_world + tvec.
+
+    Both vectors keep their exact values: qvec is not normalized.
+    """
 
     qvec: Floats  # quaternion w, x, y, z
     tvec: Floats  # in the unit of the world

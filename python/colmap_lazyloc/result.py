@@ -48,7 +48,7 @@ class Result:
     keypoints: NDArray[np.float64]  # keypoints of the query, n x 2, xy in pixels
     points: NDArray[np.float64]  # 3D points that the query observes, m x 3, in world coordinates
     point_keypoints: NDArray[np.int32]  # for each point, the index of the query keypoint that observes it
-    observations: NDArray[np.int32]  # k x 3: indices of a point, of as_dict()["pairs"], and of that image's keypoint
+    observations: NDArray[np.int32]  # k x 3 indices: of a point, of an image in as_dict()["pairs"], of its keypoint
 
     def __init__(
         self,
@@ -86,8 +86,9 @@ class Result:
 
     @property
     def runner_up(self) -> RunnerUp | None:
-        """Returns the most probable alternative: its `pose`, an `explanation` in words, and its `odds`, the
-        ratio of its probability to the probability of the result's pose (docs/formats.md); None if there is none."""
+        """Returns the most probable alternative to the result's pose; None if there is none. It has a `pose`, an
+        `explanation` in words, and `odds`: the ratio of its probability to the probability of the result's pose
+        (docs/formats.md)."""
         fields = self._fields.get("runner_up")
         if fields is None:
             return None
@@ -140,9 +141,9 @@ class Result:
 
     @property
     def heading_deg(self) -> float | None:
-        """Returns the direction of the optical axis over the ground, from 0 to 360, clockwise from true north if the
-        model is geographic, otherwise from +y of the model (z is up); None unless LOCALIZED. A camera that looks
-        straight up or down has no heading; use top_heading_deg."""
+        """Returns the horizontal direction of the optical axis, from 0 to 360, clockwise from true north if the model
+        is geographic, otherwise clockwise from +y of the model (+z is up); None unless LOCALIZED. A camera that looks
+        straight up or down has no heading: use top_heading_deg."""
         return self._fields["heading_deg"]
 
     @property
@@ -158,13 +159,13 @@ class Result:
 
     @property
     def top_heading_deg(self) -> float | None:
-        """Returns the direction of the photo's top over the ground, in the form of heading_deg; None unless LOCALIZED.
-        If a drone's photo looks down, this is the heading of the drone."""
+        """Returns the horizontal direction of the photo's top, counted like heading_deg; None unless LOCALIZED. If a
+        drone's camera looks down, this is usually the heading of the drone."""
         return self._fields["top_heading_deg"]
 
     @property
     def heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of heading_deg; 104, the maximum, is an unknown direction; None if unknown."""
+        """Returns the standard deviation of heading_deg, at most 104: every direction is possible; None if unknown."""
         return self._fields["heading_stddev_deg"]
 
     @property

@@ -113,7 +113,7 @@ class RunnerUpFields(TypedDict):
 
 
 class EpochFields(TypedDict):
-    """What an adjustment of new photos together has made of a photo."""
+    """The effect of the joint adjustment of new photos on one photo."""
 
     hangs_on: str
     is_adjusted: bool

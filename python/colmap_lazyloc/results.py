@@ -51,8 +51,8 @@ def find_results(path: Path) -> pathlib.Path:
 
 
 def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) -> dict[str, ResultFields]:
-    """Reads the results by query name, in the order of the file. `watch` may show progress: it yields the lines of a
-    file that is passed to it."""
+    """Reads the results by query name, in the order of the file. `watch` may show progress: it gets
+    the open file and yields its lines."""
     results: dict[str, ResultFields] = {}
     with open_text(path) as file:
         for line_number, line in enumerate(watch(file), start=1):

@@ -93,7 +93,7 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         type=pathlib.Path,
         metavar="FILE",
         help="surveyed points and their marks in photos: the files for `lazyloc control_points`. Without --poses, "
-        "the marks in database images determine the model's coordinates: the coordinates of the points",
+        "the marks in database images place the model in the coordinates of the points",
     )
     of_poses(
         "--use_control_points",
