@@ -117,12 +117,12 @@ void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
       "Depth that the value 1 in a PNG file of --depth_path stands for, in the unit of the model");
   add("LazyLocalizer.Advanced.on_demand", &o.photos.on_demand,
-      "Extract the SIFT features of a database image from its file below --image_path when a photo needs them, if the "
-      "database does not contain them. Similar images are found by coarse features of these files. Extracted features "
-      "are kept beside the index");
+      "If the database does not contain the SIFT features of a database image, extract these features from the image "
+      "file below --image_path when a photo needs them. Similar images are then found by coarse features of the image "
+      "files. Extracted features are kept beside the index");
   add("LazyLocalizer.Advanced.photo_position_path", &o.photos.position_path,
-      "Rough positions of photos, in the format of --query_position_path. They only decide with which database images "
-      "a photo is compared first; positions in --query_position_path decide this, too",
+      "Rough positions of photos, in the format of --query_position_path. These positions only decide with which "
+      "database images a photo is compared first. Positions in --query_position_path also decide this",
       OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
@@ -157,7 +157,7 @@ void ForEachFeatureOption(Options& o, const Add& add) {
       "is first localized with 4000 features. -1: the number of features that 95 % of the database images do not "
       "exceed");
   add("SiftExtraction.first_octave", &extraction.first_octave,
-      "First octave of the image pyramid. -1: the size of a photo is doubled; 0: it is not; -2: the first octave that "
+      "First octave of the image pyramid. -1: double the size of a photo; 0: keep the size; -2: the first octave that "
       "the keypoints of the database images need");
   add("SiftExtraction.estimate_affine_shape", &extraction.estimate_affine_shape,
       "Estimate elliptical instead of circular feature shapes");

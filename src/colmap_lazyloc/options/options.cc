@@ -56,9 +56,9 @@ void ForEachBasicOption(MergerOptions& o, const Add& add) {
       "Folder with the output folders of all shards, or a file with one of these folders per line");
   add("output_path", &o.output_path, "Folder for the results, as one run of colmap lazy_localizer writes them");
   add("database_path", &o.database_path,
-      "COLMAP database of the shards; default: the --database_path with which they were run");
+      "COLMAP database of the shards; default: the --database_path with which the shards were run");
   add("model_path", &o.model_path,
-      "Folder of the COLMAP model of the shards; default: the --input_path with which they were run");
+      "Folder of the COLMAP model of the shards; default: the --input_path with which the shards were run");
 }
 template <typename Add>
 void ForEachAdvancedOption(MergerOptions&, const Add&) {}
