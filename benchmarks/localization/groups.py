@@ -165,7 +165,7 @@ def run_stereo(errors: synthetic_stereo.Errors, arguments: argparse.Namespace) -
 def table(rows: dict[str, list[Row]], rig_errors_px: dict[str, str]) -> str:
     baseline_rows = next(iter(rows.values()))
     lines = [
-        "| | queries | lost | median mm / ° | mean mm | position / alone [95 %] | rotation / alone [95 %] "
+        "| localized | queries | lost | median mm / ° | mean mm | position / alone [95 %] | rotation / alone [95 %] "
         "| rig_error_px |",
         "|---|---|---|---|---|---|---|---|",
     ]

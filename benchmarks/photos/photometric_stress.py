@@ -151,15 +151,17 @@ def main(arguments=None):
         time_rows.append(f"| {name} | " + " | ".join(f"{seconds[m]:.2f}" for m in METHODS) + " |")
     taken["all"] = {method: [o for of in taken.values() for o in of[method]] for method in METHODS}
     head = " | ".join(METHODS)
-    print("## Stress\n", f"| | photos | {head} |", "|---|---|" + "---|" * len(METHODS), sep="\n")
+    print("## Stress\n", f"| condition | photos | {head} |", "|---|---|" + "---|" * len(METHODS), sep="\n")
     for kind in dict.fromkeys(outcome.kind for outcome in outcomes["AUTO"]):
         of_kind = {method: [o for o in outcomes[method] if o.kind == kind] for method in METHODS}
         label = kind[0] if kind == AS_TAKEN else f"{kind[0]}, {kind[1]}"
         print(f"| {label} | {len(of_kind['AUTO'])} | {' | '.join(map(share_text, of_kind.values()))} |")
-    print("\n## Stress errors\n", f"| | {' | '.join(METHODS[1:])} |", "|---|" + "---|" * len(METHODS[1:]), sep="\n")
+    print(
+        "\n## Stress errors\n", f"| scene | {' | '.join(METHODS[1:])} |", "|---|" + "---|" * len(METHODS[1:]), sep="\n"
+    )
     for name, of in taken.items():
         print(f"| {name} | {' | '.join(error_text(of[m], of[METHODS[0]]) for m in METHODS[1:])} |")
-    print("\n## Stress time\n", f"| | {head} |", "|---|" + "---|" * len(METHODS), *time_rows, sep="\n")
+    print("\n## Stress time\n", f"| scene | {head} |", "|---|" + "---|" * len(METHODS), *time_rows, sep="\n")
 
 
 def parse(arguments) -> argparse.Namespace:

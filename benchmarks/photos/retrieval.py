@@ -49,7 +49,7 @@ def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
         }
     lines = [
         f"{fold.scene.name}, {len(fold.query_names)} queries, {len(fold.database_names)} database images\n",
-        "| K | of the K images with most verified matches | of the best 5 | the best | of their matches |",
+        "| K | K best images found | 5 best images found | best image found | matches / matches of the K best |",
         "|---|---|---|---|---|",
     ]
     for count in counts:
@@ -82,7 +82,7 @@ def share(num_inliers: dict[str, int], found: set[str], count: int) -> float:
 def growth_table(fold: photo_scenes.Fold, sizes: list[tuple[int, int]]) -> str:
     lines = [
         "Synthetic descriptors; seconds of one core\n",
-        "| images x features | index, MB | made | opened | one image removed | one image added |",
+        "| images x features | index, MB | make, s | open, s | remove an image, s | add an image, s |",
         "|---|---|---|---|---|---|",
     ]
     for count, num_features in sizes:
