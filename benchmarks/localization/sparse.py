@@ -55,8 +55,8 @@ def run_scene(scene: Scene, arguments, cells: dict, reasons: dict[str, str]):
 def table(cells: dict, methods: list[str], is_star: bool) -> str:
     """Returns the figures of all scenes together. Ratios are over the poses that both localized."""
     lines = [
-        "| K | method | queries | localized | median | within 5 cm, 1° | squared sigmas, median "
-        "| error / motion averaging [95 %] |",
+        "| K | method | queries | localized | median error | within 5 cm, 1° "
+        "| normalized squared error, median | error / motion averaging [95 %] |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for num_images in NUM_IMAGES:
