@@ -97,7 +97,7 @@ def print_quantiles(colmap):
     """
     expected = scipy.stats.chi2.ppf(np.array(PERCENTS) / 100, 6)
     print("## Synthetic scenes\n")
-    print("| database cameras | database poses |", " | ".join(f"{p} %" for p in PERCENTS), "| mean |")
+    print("| database cameras | database poses |", " | ".join(f"{p} % quantile" for p in PERCENTS), "| mean |")
     print("|---" * (3 + len(PERCENTS)) + "|")
     print("| chi-square, 6 degrees | |", " | ".join(f"{q:.2f}" for q in expected), "| 6.00 |")
     layouts = {"9 on an arc": synthetic.arc(9), "4 on an arc": synthetic.arc(4), "6 on a line": line(6)}
@@ -175,7 +175,9 @@ def pair_of(stddevs, errors, unit):
 
 
 def print_cases(colmap):
-    print("## Degenerate cases\n\n| case, 10 queries | status | position | rotation | bearing |\n|---|---|---|---|---|")
+    print("## Degenerate cases\n")
+    print("| case, 10 queries | status | position: stated / true | rotation: stated / true | bearing: stated / true |")
+    print("|---|---|---|---|---|")
     reasons = collections.OrderedDict()
     for case, scene in cases():
         results = localize(colmap, scene)
