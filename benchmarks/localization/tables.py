@@ -17,11 +17,18 @@ HEADER = (
     + "|---" * (7 + len(DEFAULT_THRESHOLDS))
     + "|\n"
 )
-LEGEND = (
-    "In the median, a lost query counts as an infinite error. The mean is over the localized queries. The ratio is the "
-    f"position error divided by the error of `{BASELINE}`, as a geometric mean over the queries that both localized, "
-    "with its bootstrap interval over queries. The shares within metres and degrees are shares of all queries.\n"
-)
+LEGEND = f"""**Columns of the tables**
+
+- *median cm / °*: median position error in cm / median rotation error in degrees. A query without a pose counts as an
+  infinite error.
+- *mean cm*: mean position error of the localized queries, in cm.
+- *lost*: number of queries without a pose.
+- *ratio to the map [95 %]*: position error divided by the position error of `{BASELINE}`. It is the geometric
+  mean over the queries that both methods localize, with its 95 % bootstrap interval.
+- *0.25 m, 2° (and similar)*: percentage of all queries whose position error and rotation error are below these
+  values.
+- *median s*: median time per query, in seconds.
+"""
 
 
 def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str], notes: list[str] = ()) -> str:
@@ -30,7 +37,7 @@ def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str]
     all_series = in_order({row.series for row in rows} | {series for _, series in reasons})
     names = labels(all_series)
     footnotes = []
-    parts = [f"# {title}\n", *(f"{note}\n" for note in notes)]
+    parts = [f"# {title}\n", *(f"{note}\n" for note in notes), LEGEND]
     if len(scenes) > 1:
         parts.append(_medians(rows, scenes, names))
         lines = [_pooled_line(names[series], series, rows, scenes, footnotes) for series in all_series]
@@ -39,7 +46,6 @@ def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str]
         own = [row for row in rows if row.scene == scene]
         lines = [_line(names[series], series, own, reasons.get((scene, series)), footnotes) for series in all_series]
         parts.append(f"## {scene}\n\n{HEADER}{''.join(lines)}")
-    parts.append(LEGEND)
     if footnotes:
         parts.append("".join(f"[{i}] {text}\n\n" for i, text in enumerate(footnotes, 1)))
     return "\n".join(parts)
