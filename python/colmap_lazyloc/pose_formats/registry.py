@@ -52,7 +52,7 @@ class Format:
     parse: Callable[[Source], RawPoses]
     is_one: Callable[[Head], bool]
     convention: Convention
-    world: str = "the file's"
+    world: str = "as in the file"
     cameras: str = "--camera"
     photos: str = "name"
     is_trajectory: bool = False
@@ -99,7 +99,7 @@ FORMATS: dict[str, Format] = {
         colmap.parse,
         lambda f: f.is_model,
         COLMAP,
-        "on the Earth if geo.json is beside the model",
+        "geographic if geo.json is beside the model",
         "all",
         writer=Writer(colmap.write, World.LOCAL, "points, rigs", folder=colmap.FILES),
     ),
@@ -139,7 +139,7 @@ FORMATS: dict[str, Format] = {
         "number of the frame",
     ),
     "euroc": _trajectory(
-        "EuRoC: data.csv, the ground truth for the body; needs --calibration",
+        "EuRoC: data.csv, the true poses of the body; needs --calibration",
         (),
         lambda f: f.has("prsrx"),
         Convention(TO_WORLD, "body"),
@@ -150,7 +150,7 @@ FORMATS: dict[str, Format] = {
         metashape.parse,
         lambda f: f.xml("<chunk"),
         Convention(TO_WORLD, rotation="matrix"),
-        "local, or on the Earth if the chunk has a reference",
+        "geographic if the chunk has a reference, else local",
         "frame, fisheye, spherical: f, cx, cy, k1 to k4, p1, p2, b1",
         writer=Writer(file_of(metashape.text), World.LOCAL, "folders and endings of names", metashape.HOLDS),
     ),
@@ -159,22 +159,22 @@ FORMATS: dict[str, Format] = {
         blocks_exchange.parse,
         lambda f: f.xml("<BlocksExchange"),
         blocks_exchange.CONVENTION,
-        "local, or the block's projected reference system",
+        "local, or in the projected reference system of the block",
         "Perspective: focal length, PrincipalPoint, K1 to K3, P1, P2",
     ),
     "realitycapture": Format(
-        "RealityCapture, RealityScan 2: Internal/External camera parameters, or the list with headings, CSV",
+        "RealityCapture, RealityScan 2: CSV, Internal/External camera parameters or the list with headings",
         table.parse_reality_capture,
         table.is_reality_capture,
         Convention(TO_WORLD, "opengl", "yaw, pitch, roll", vector="centre"),
-        "the file's; with --crs on the Earth, and headings are from true north",
+        "as in the file; with --crs geographic, with headings from true north",
         "f (35 mm film), px, py, k1 to k3, t1, t2; needs --image_path",
         writer=Writer(
             file_of(table.reality_capture_text), World.GRID, "folders of names, sizes", table.REALITY_CAPTURE_HOLDS
         ),
     ),
     "xmp": Format(
-        "RealityCapture, RealityScan: the XMP file beside each photo; a folder of these, or one",
+        "RealityCapture, RealityScan: a folder with an XMP file for each photo, or one XMP file",
         xmp.parse,
         xmp.is_one,
         Convention(FROM_WORLD, rotation="matrix", vector="centre"),
@@ -192,14 +192,14 @@ FORMATS: dict[str, Format] = {
         table.parse,
         lambda f: f.has("imagename", *table.ANGLES),
         Convention(TO_WORLD, "opengl", "omega, phi, kappa", vector="centre"),
-        "the file's; with --crs on the Earth",
+        "as in the file; with --crs geographic",
     ),
     "opensfm": Format(
         "OpenSfM, OpenDroneMap: reconstruction.json",
         opensfm.parse,
         lambda f: f.starts("[") and f.json("shots|cameras"),
         Convention(FROM_WORLD, rotation="rotation vector"),
-        "local frame at reference_lla",
+        "geographic: a local frame with its origin at reference_lla",
         "perspective, radial, brown, fisheye, spherical",
         writer=Writer(file_of(opensfm.text), World.LOCAL, cameras=opensfm.HOLDS, needs_camera=True),
     ),
@@ -208,7 +208,7 @@ FORMATS: dict[str, Format] = {
         odm_geo.parse,
         odm_geo.is_one,
         Convention(TO_WORLD, "opengl", "omega, phi, kappa", vector="centre"),
-        "on the Earth, in the reference system of its first line; angles are from true north",
+        "geographic, in the reference system that the first line names; angles from true north",
         writer=Writer(
             file_of(odm_geo.text),
             World.EARTH,
@@ -221,8 +221,8 @@ FORMATS: dict[str, Format] = {
         opensfm.parse_shots,
         lambda f: f.json("features", "rotation", "filename"),
         Convention(FROM_WORLD, rotation="rotation vector", vector="centre"),
-        "UTM, in the zone of the coordinates",
-        "from cameras.json, or focal without distortion",
+        "geographic: UTM, in the zone of the photos",
+        "from cameras.json; without this file, only the focal length",
     ),
     "bundler": Format(
         "Bundler: bundle.out with list.txt",
@@ -253,7 +253,7 @@ FORMATS: dict[str, Format] = {
         cameras="the Kinect's nominal focal length, 525 pixels",
     ),
     "12scenes": Format(
-        "12 Scenes: the folder of a scene, without the first sequence, which is for testing",
+        "12 Scenes: the folder of a scene; the first sequence is left out, because it is for testing",
         datasets.parse_twelve_scenes,
         datasets.is_twelve_scenes,
         Convention(TO_WORLD, rotation="matrix"),
@@ -297,7 +297,7 @@ FORMATS: dict[str, Format] = {
         cameras="fx, fy, cx, cy",
     ),
     "rtabmap": _trajectory(
-        "RTAB-Map: poses with ids, ..._camera_poses.txt; poses of the robot need --calibration",
+        "RTAB-Map: poses with ids, ..._camera_poses.txt; if poses are of the robot, pass --calibration",
         trajectories.RTABMAP,
         lambda f: f.num_numbers == 9,
         Convention(TO_WORLD, quaternion="xyzw"),
@@ -305,7 +305,7 @@ FORMATS: dict[str, Format] = {
         trajectories.parse_of_body,
     ),
     "tum": _trajectory(
-        "Trajectories of SLAM, as TUM has them: timestamp tx ty tz qx qy qz qw",
+        "SLAM trajectories in the format of TUM: timestamp tx ty tz qx qy qz qw",
         trajectories.TUM,
         lambda f: (
             (f.num_numbers == 8 and f.columns[:1] != ["name"])
@@ -325,7 +325,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(file_of(trajectories.kitti_text), omits="names, times, intrinsics", holds_name=_any_name),
     ),
     "kitti360": _trajectory(
-        "KITTI-360: a frame and a matrix per line, cam0_to_world.txt; poses.txt is of the body and needs --calibration",
+        "KITTI-360: cam0_to_world.txt, with a frame and a matrix per line; poses.txt (of the body) with --calibration",
         trajectories.KITTI360,
         lambda f: f.num_numbers in (13, 17) and f.first_row[0].isdecimal(),
         Convention(TO_WORLD, rotation="matrix"),
@@ -338,7 +338,7 @@ FORMATS: dict[str, Format] = {
             functools.partial(geopose.parse, rotation=rotation),
             functools.partial(_is_geopose, key=rotation[0]),
             convention,
-            "on the Earth",
+            "geographic",
             writer=Writer(
                 functools.partial(geopose.write, rotation=rotation),
                 World.EARTH,
@@ -357,7 +357,7 @@ FORMATS: dict[str, Format] = {
         )
     },
     "matrices": Format(
-        "4 x 4 matrices: one per line, one per four lines (Open3D), or a folder with one per file",
+        "4 x 4 matrices: one matrix per line, one per four lines (Open3D), or a folder with one per file",
         trajectories.parse_matrices,
         lambda f: f.has_matrices,
         Convention(TO_WORLD, rotation="matrix"),
@@ -369,7 +369,7 @@ FORMATS: dict[str, Format] = {
         table.parse,
         lambda f: f.is_table,
         Convention(TO_WORLD, vector="centre"),
-        "the file's; on the Earth if it has latitude and longitude, or with --crs",
+        "geographic with latitude and longitude, or with --crs; else as in the file",
         "width, height, fx, fy, cx, cy, k1 to k6, p1, p2, camera_model",
     ),
 }
