@@ -23,10 +23,11 @@ LEGEND = f"""**Columns of the tables**
   infinite error.
 - *mean cm*: mean position error of the localized queries, in cm.
 - *lost*: number of queries without a pose.
-- *ratio to the map [95 %]*: position error divided by the position error of `{BASELINE}`. It is the geometric
-  mean over the queries that both methods localize, with its 95 % bootstrap interval.
-- *0.25 m, 2° (and similar)*: percentage of all queries whose position error and rotation error are below these
-  values.
+- *ratio to the map [95 %]*: position error of the method divided by the position error of `{BASELINE}`, as the
+  geometric mean over the queries that both methods localize. The brackets contain the 95 % bootstrap interval
+  of this mean.
+- *0.25 m, 2°* and similar columns: percentage of all queries whose position error and rotation error are both
+  below these values.
 - *median s*: median time per query, in seconds.
 """
 
