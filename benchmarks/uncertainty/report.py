@@ -149,17 +149,17 @@ def cases():
         return scene
 
     yield "cameras around the scene", make(arc, near_arc)
-    yield "the same, all points in one plane", make(arc, near_arc, is_planar=True)
+    yield "cameras around the scene, all points in one plane", make(arc, near_arc, is_planar=True)
     yield "one database image", make(arc, near_arc, keep_first_pairs)
     yield "one database image, all points in one plane", make(arc, near_arc, keep_first_pairs, is_planar=True)
     yield "database images of one place", make(np.repeat(place, 5, axis=0), near_row)
-    yield "panorama: the query at that place too", make(np.repeat(place, 5, axis=0), np.repeat(place, 10, axis=0))
+    yield "panorama: database images and query at one place", make(np.repeat(place, 5, axis=0), np.repeat(place, 10, axis=0))
     yield "query beside a line of database images", make(row, near_row)
     yield "query on the line", make(row, on_row)
     split = make(row, on_row, synthetic.split_tracks, num_points=900)
     yield "query on the line, each point in one database image", split
     yield "database images 0.1 units apart at 6 units", make(close, near_row)
-    yield "the same, twice as close", make(place + (close - place) / 2, near_row)
+    yield "database images 0.05 units apart at 6 units", make(place + (close - place) / 2, near_row)
 
 
 def root_mean_square(values):
