@@ -265,7 +265,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--output",
         type=pathlib.Path,
         metavar="FILE",
-        help="CSV file for the errors of each point; default: the table is printed",
+        help="CSV file for the errors of each point; default: the command prints these errors",
     )
     return parser.parse_args(arguments)
 

@@ -6,10 +6,11 @@ RESULTS is the output folder of `lazyloc run --epoch` or of `colmap lazy_epoch`.
 change, and writes changes.json beside the results. `lazyloc report RESULTS` then shows the changes, too.
 
 A thing has moved if its points are at another place in the new photos, and if they have moved as one rigid body. A
-thing has vanished if at least three database photos show its points, and if at least two new photos from similar
-viewpoints show what is behind these points. A thing is new if at least three new photos show its points, and if at
-least two database photos show what is behind them. The command cannot find changes at a place that only photos of one
-epoch show, or changes of a surface's colour or texture.
+thing has vanished if at least three database photos show its points, and if at least two new photos show what is behind
+the thing. These new photos must be from viewpoints similar to the viewpoints of the database photos. A thing is new if
+at least three new photos show its points, and if at least two database photos show what is behind the thing. The
+command cannot find changes at a place that only photos of one epoch show. It cannot find changes of a surface's colour
+or texture.
 """
 
 import argparse

@@ -8,7 +8,7 @@ Writes below --output_path:
   queries_with_intrinsics.txt                 `name MODEL width height params...`
   ground_truth/poses.txt                      `name qw qx qy qz tx ty tz` of the queries, cam_from_world
   scene.json                                  parameters and size of the scene; written last
-Other scenes write other files: see robot.py, survey.py and panoramas.py.
+The scenes robot, survey and panoramas write other files: see robot.py, survey.py and panoramas.py.
 The same parameters give the same files. If the folder already has the complete scene, nothing is rendered.
 """
 

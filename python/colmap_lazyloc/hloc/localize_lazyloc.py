@@ -1,4 +1,4 @@
-"""Localizes hloc's queries from its features and matches, against a COLMAP model of which only the poses are used.
+"""Localizes queries from hloc's features and matches, and from the poses of the database images in a COLMAP model.
 
 `main` has the parameters of `hloc.localize_sfm.main`, and writes the same files. `results` has one line
 `name qw qx qy qz tx ty tz` per localized query. `results_logs.pkl` has the form of hloc's InLoc pipeline, so that

@@ -114,7 +114,7 @@ FORMATS: dict[str, Format] = {
         transforms_json.parse,
         lambda f: f.json("frames"),
         Convention(TO_WORLD, "opengl", "matrix"),
-        cameras="fl_x, fl_y, cx, cy, w, h, camera_angle_x, k1 to k6, p1, p2, camera_model; of the file or of a frame",
+        cameras="fl_x, fl_y, cx, cy, w, h, camera_angle_x, k1 to k6, p1, p2, camera_model; for the file or for a frame",
         writer=Writer(file_of(transforms_json.text), cameras=transforms_json.HOLDS),
     ),
     "arkit": _trajectory(
@@ -152,7 +152,7 @@ FORMATS: dict[str, Format] = {
         Convention(TO_WORLD, rotation="matrix"),
         "geographic if the chunk has a reference, else local",
         "frame, fisheye, spherical: f, cx, cy, k1 to k4, p1, p2, b1",
-        writer=Writer(file_of(metashape.text), World.LOCAL, "folders and endings of names", metashape.HOLDS),
+        writer=Writer(file_of(metashape.text), World.LOCAL, "folders and extensions of file names", metashape.HOLDS),
     ),
     "blocksexchange": Format(
         "ContextCapture, iTwin Capture, Metashape: BlocksExchange XML",
@@ -170,7 +170,10 @@ FORMATS: dict[str, Format] = {
         "as in the file; with --crs geographic, with headings from true north",
         "f (35 mm film), px, py, k1 to k3, t1, t2; needs --image_path",
         writer=Writer(
-            file_of(table.reality_capture_text), World.GRID, "folders of names, sizes", table.REALITY_CAPTURE_HOLDS
+            file_of(table.reality_capture_text),
+            World.GRID,
+            "folders of file names, image sizes",
+            table.REALITY_CAPTURE_HOLDS,
         ),
     ),
     "xmp": Format(
@@ -182,7 +185,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(
             xmp.write,
             World.MODEL,
-            "endings of names, sizes",
+            "extensions of file names, image sizes",
             table.REALITY_CAPTURE_HOLDS,
             folder=rf".*{re.escape(xmp.ENDING)}",
         ),
@@ -212,7 +215,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(
             file_of(odm_geo.text),
             World.EARTH,
-            "folders of names, intrinsics",
+            "folders of file names, intrinsics",
             holds_name=lambda name: name.isprintable() and len(name.split()) == 1,
         ),
     ),

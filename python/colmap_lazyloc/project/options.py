@@ -120,8 +120,8 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
     add(
         "--query_camera",
         metavar="'MODEL W H PARAMS...'",
-        help="intrinsics of the queries; default: the intrinsics of a database image of the same size, else from "
-        "EXIF, else a guess that the images correct",
+        help="intrinsics of the queries; default: the intrinsics of a database image of the same size, else an "
+        "estimate that starts from the focal length in EXIF or from a guess",
     )
     add(
         "--one_camera",

@@ -71,7 +71,7 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "File to which one line of JSON is written for each finished query; with --resume 1, lines are appended",
       OptionRole::OUTPUT);
   add("ImageReader.camera_params", &o.source.photos.camera_params,
-      "Camera parameters, separated by commas, of photos without known intrinsics; default: the parameters of a "
+      "Camera parameters for photos without known intrinsics, separated by commas; default: the parameters of a "
       "database camera with the photo's size, else the focal length in EXIF, else a guess");
   add("ImageReader.single_camera", &o.source.single_camera,
       "Assume that one camera with one zoom took all queries of the same size without given intrinsics. The "
@@ -82,11 +82,12 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Estimate the intrinsics of each query without given intrinsics individually, even if several queries share a "
       "camera in the database");
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
-      "Number of database images to use per query: the images with the most verified inliers. With --pairs_path, all "
-      "listed images are used");
+      "Number of database images to use per query. The images with the most verified matches are used. With "
+      "--pairs_path, all listed images are used");
   add("LazyLocalizer.method", &o.localizer.method,
-      "Method: extended is the method of this program; paper is LazyLoc as published, for comparison, with one start, "
-      "one bundle adjustment by Ceres, exact database poses, and each query individually");
+      "Method of localization. extended: the method of this program. paper: the published method LazyLoc, for "
+      "comparison; it starts from one pose, runs one bundle adjustment by Ceres, assumes exact database poses, and "
+      "localizes each query individually");
   add("LazyLocalizer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores", OptionRole::MACHINE);
   add("LazyLocalizer.seed", &o.localizer.seed, "Seed of all random choices; the same seed gives the same results");
   add("LazyLocalizer.group_size", &o.source.selection.groups.group_size,
@@ -112,17 +113,18 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "File with the names of one group of queries per line; each group is localized together", OptionRole::INPUT);
   add("LazyLocalizer.Advanced.use_rigs", &o.selection.groups.use_rigs, "Localize the images of a rig's frame together");
   add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
-      "Lengths in --query_trajectory_path are in the unit of the model; 0: estimate the scale of the trajectory for "
-      "each group");
+      "Assume that lengths in --query_trajectory_path are in the unit of the model; 0: estimate the scale of the "
+      "trajectory for each group");
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
       "Depth that the value 1 in a PNG file of --depth_path stands for, in the unit of the model");
   add("LazyLocalizer.Advanced.on_demand", &o.photos.on_demand,
       "If the database does not contain the SIFT features of a database image, extract these features from the image "
-      "file below --image_path when a photo needs them. Similar images are then found by coarse features of the image "
-      "files. Extracted features are kept beside the index");
+      "file below --image_path when a photo needs them. The program then finds similar images by coarse features of "
+      "the image files. It stores the extracted features beside the visual index");
   add("LazyLocalizer.Advanced.photo_position_path", &o.photos.position_path,
       "Rough positions of photos, in the format of --query_position_path. These positions only decide with which "
-      "database images a photo is compared first. Positions in --query_position_path also decide this",
+      "database images a photo is compared first. If you pass --query_position_path, the positions in this file also "
+      "decide it",
       OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
@@ -133,14 +135,16 @@ void ForEachSourceOption(Options& o, const Add& add) {
 template <typename Options, typename Add>
 void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.rig_noise_px", &o.rig_noise_px,
-      "Expected error of the relative poses of a rig or trajectory, as a displacement of keypoints; 0: the relative "
-      "poses are exact");
+      "Expected error of the relative poses of a rig or trajectory, as a displacement of the keypoints in pixels; 0: "
+      "the relative poses are exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
-      "Standard deviation of the rotations of database images, in degrees. 0 for rotations and positions: the poses "
-      "are exact; -1 for rotations and positions: the pose errors are estimated for each query");
+      "Standard deviation of the rotations of database images, in degrees. If this option and "
+      "database_pose_stddev_length are 0, the database poses are exact. If both options are -1, the pose errors are "
+      "estimated for each query");
   add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
-      "Standard deviation of the positions of database images, in the unit of the model. 0 for rotations and "
-      "positions: the poses are exact; -1 for rotations and positions: the pose errors are estimated for each query");
+      "Standard deviation of the positions of database images, in the unit of the model. If this option and "
+      "database_pose_stddev_deg are 0, the database poses are exact. If both options are -1, the pose errors are "
+      "estimated for each query");
   add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
       "Standard deviation of a given focal length, as a fraction of the focal length; 0: the pose covariance ignores "
       "errors of the focal length");
@@ -153,12 +157,12 @@ void ForEachFeatureOption(Options& o, const Add& add) {
   add("SiftExtraction.max_image_size", &extraction.max_image_size,
       "Maximum width and height of a photo in pixels; a larger photo is scaled down for extraction");
   add("SiftExtraction.max_num_features", &extraction.max_num_features,
-      "Maximum number of features per photo; the features of the largest scales are kept. With the default, a photo "
-      "is first localized with 4000 features. -1: the number of features that 95 % of the database images do not "
-      "exceed");
+      "Maximum number of features per photo; the features of the largest scales are kept. With the default value, the "
+      "program first tries to localize a photo with 4000 features. -1: the 95th percentile of the numbers of features "
+      "of the database images");
   add("SiftExtraction.first_octave", &extraction.first_octave,
-      "First octave of the image pyramid. -1: double the size of a photo; 0: keep the size; -2: the first octave that "
-      "the keypoints of the database images need");
+      "First octave of the image pyramid. -1: double the size of a photo; 0: keep the size; -2: choose the octave by "
+      "the scales of the keypoints of the database images");
   add("SiftExtraction.estimate_affine_shape", &extraction.estimate_affine_shape,
       "Estimate elliptical instead of circular feature shapes");
   add("SiftExtraction.domain_size_pooling", &extraction.domain_size_pooling, "Pool descriptors over several scales");
@@ -167,10 +171,10 @@ void ForEachFeatureOption(Options& o, const Add& add) {
   add("AlikedExtraction.max_num_features", &o.features.aliked.max_num_features,
       "Maximum number of ALIKED features per photo; the features with the highest scores are kept");
   add("FeatureMatching.type", &o.features.matcher,
-      "How photos are matched: SIFT_BRUTEFORCE, ALIKED_BRUTEFORCE, ALIKED_LIGHTGLUE or AUTO. ALIKED_LIGHTGLUE copes "
-      "with larger changes of light and viewpoint, but takes seconds per pair. AUTO matches by brute force, with the "
-      "type of features in the database; with --onnx_path, a photo that is not localized is matched again by "
-      "ALIKED_LIGHTGLUE");
+      "How photos are matched: SIFT_BRUTEFORCE, ALIKED_BRUTEFORCE, ALIKED_LIGHTGLUE or AUTO. ALIKED_LIGHTGLUE "
+      "tolerates larger changes of light and viewpoint, but takes seconds per pair. AUTO matches by brute force, and "
+      "uses the type of features in the database. With AUTO and --onnx_path, a photo that is not localized is matched "
+      "again by ALIKED_LIGHTGLUE");
 }
 
 template <typename Options, typename Add>

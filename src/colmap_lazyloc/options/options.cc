@@ -68,14 +68,15 @@ void ForEachBasicOption(EpochCommandOptions& o, const Add& add) {
   add("database_path", &o.database_path,
       "COLMAP database with the keypoints of the new photos and the database images, and verified matches of the new "
       "photos with database images and with each other; opened read-only");
-  add("input_path", &o.input_path, "Folder of the COLMAP model of the database images; their poses stay as they are");
+  add("input_path", &o.input_path,
+      "Folder of the COLMAP model of the database images; the poses of these images do not change");
   add("localized_path", &o.localized_path, "Output folder of colmap lazy_localizer for the new photos");
   add("output_path", &o.output_path,
       "Folder for the results, in the same files as the results of colmap lazy_localizer");
   add("control_points_path", &o.control_points_path,
-      "Text file of control points: lines `point NAME x y z stddev_x stddev_y stddev_z`, each followed by its marks "
-      "in photos and database images, in lines `mark IMAGE x y`. The new photos are then placed in the frame of the "
-      "control points; default: the frame of the database images");
+      "Text file of control points. Each control point is a line `point NAME x y z stddev_x stddev_y stddev_z`, "
+      "followed by its marks in photos and database images: lines `mark IMAGE x y`. With this option, the results are "
+      "in the coordinates of the control points; default: the coordinates of the database images");
   add("LazyEpoch.mark_stddev_px", &o.epoch.mark_stddev_px,
       "Standard deviation of each coordinate of a control point's mark, in pixels");
   add("LazyEpoch.with_database", &o.with_database,
