@@ -123,8 +123,7 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "the image files. It stores the extracted features beside the visual index");
   add("LazyLocalizer.Advanced.photo_position_path", &o.photos.position_path,
       "Rough positions of photos, in the format of --query_position_path. These positions only decide with which "
-      "database images a photo is compared first. If you pass --query_position_path, the positions in this file also "
-      "decide it",
+      "database images a photo is compared first; they do not affect its pose",
       OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
