@@ -5,5 +5,5 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[Any]  # of numbers of any type, or of rows of fields
+Array = NDArray[Any]  # an array of numbers, or a structured array
 Floats = NDArray[np.float64]

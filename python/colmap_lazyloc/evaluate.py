@@ -34,7 +34,8 @@ METRE = "m"  # the other unit is that of the database, whatever it is
 
 
 class Recall(TypedDict):
-    """The share of the queries whose position error and rotation error are both within a threshold."""
+    """The share of queries (`ratio`) with a position error of at most `position`, and a rotation error of at most
+    `rotation_deg`."""
 
     position: float
     rotation_deg: float
@@ -42,7 +43,7 @@ class Recall(TypedDict):
 
 
 class Summary(TypedDict):
-    """Errors of the localized queries (None if there are none), and the recall over all queries."""
+    """Errors of the localized queries (None if no query is localized), and the recall over all queries."""
 
     num_queries: int
     num_localized: int
@@ -85,7 +86,10 @@ def evaluate(
 
 
 def summarize(errors: Errors, thresholds: Sequence[tuple[float, float]] = DEFAULT_THRESHOLDS) -> Summary:
-    """Returns the median, mean and maximum error of the localized queries, and the recall at each threshold."""
+    """Returns the median, mean and maximum error of the localized queries, and the recall at each threshold.
+
+    A threshold is a pair: the maximum position error, and the maximum rotation error in degrees.
+    """
     localized = np.array([error for error in errors.values() if error is not None], float).reshape(-1, 2)
 
     def statistic(function: Callable[[Floats], np.floating], column: int) -> float | None:

@@ -12,21 +12,21 @@ from colmap_lazyloc.poses import PoseLike
 from colmap_lazyloc.text_files import Path
 
 CameraInput = str | Mapping[str, object] | CameraLike  # "MODEL width height params...", a dict, or a pycolmap.Camera
-PoseInput = PoseLike | ArrayLike | tuple[ArrayLike, ArrayLike]  # also a 3x4 or 4x4 matrix, or (R, t)
+PoseInput = PoseLike | ArrayLike | tuple[ArrayLike, ArrayLike]  # a PoseLike, a 3x4 or 4x4 matrix, or (R, t)
 PosedInput = (
     tuple[ArrayLike, ArrayLike, CameraInput] | tuple[PoseInput, CameraInput]
 )  # (R, t, camera) or (pose, camera)
-ModelInput = ModelLike | Mapping[str, PosedInput]  # in memory, or {name: (R, t, camera) or (pose, camera)}
-PositionPrior = tuple[ArrayLike, ArrayLike]  # (x, y, z), and one or three standard deviations, or a covariance
-GravityPrior = tuple[ArrayLike, float]  # (x, y, z), and a standard deviation in degrees
+ModelInput = ModelLike | Mapping[str, PosedInput]  # a ModelLike, or {name: (R, t, camera) or (pose, camera)}
+PositionPrior = tuple[ArrayLike, ArrayLike]  # (x, y, z); one or three standard deviations, or a 3x3 covariance
+GravityPrior = tuple[ArrayLike, float]  # downward direction (x, y, z), and its standard deviation in degrees
 PairInput = ArrayLike | tuple[ArrayLike, ArrayLike]  # matches, or (keypoints of the posed image, matches)
 Option = str | float | Path | ArrayLike  # the value of an option
-Options = Mapping[str, "Option | Options"]  # by name, or in nested dicts
+Options = Mapping[str, "Option | Options"]  # {name: value}, or nested dicts
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Photo:
-    """A photo whose features are extracted and matched in memory.
+    """A photo that is not in the database. Its features are extracted and matched in memory.
 
     The fields are the arguments of `Localizer.localize_photo`.
     """

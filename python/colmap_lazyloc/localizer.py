@@ -44,9 +44,9 @@ class Localizer:
     """Localizes queries against the posed images of a COLMAP model. The results are the same as from
     `colmap lazy_localizer`.
 
-    You may call its methods from several threads at the same time. Invalid input raises `InputError`, a ValueError,
-    with a one-sentence message. A query that cannot be localized is not an error: the status of its result gives the
-    reason.
+    You may call the methods of a Localizer from several threads at the same time. Invalid input raises `InputError`, a
+    subclass of ValueError, with a one-sentence message. A query that cannot be localized is not an error: the status of
+    its result gives the reason.
     """
 
     def __init__(
@@ -60,10 +60,11 @@ class Localizer:
         """Opens a database, read-only, and a model.
 
         `database`: a COLMAP database; None if you pass features and matches for every query (`localize_matches`).
-        `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or {name: (R, t, camera)} with cam_from_world
-        of each posed image. R is a 3x3 matrix or a quaternion (w, x, y, z); for `camera`, see `localize_photo`. You can
-        pass a single pose instead of R and t, as in `localize_rig`: {name: (pose, camera)}.
-        `index`: the file of the retrieval index for photos. It is created or updated when the first photo needs it.
+        `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or a dict {name: (R, t, camera)} with all
+        posed images. R and t are cam_from_world; R is a 3x3 matrix or a quaternion (w, x, y, z). For `camera`, see
+        `localize_photo`. Instead of R and t, you can pass one pose, as in `localize_rig`: {name: (pose, camera)}.
+        `index`: the file of the retrieval index for photos. The file is created or updated when the first photo needs
+        the index.
         `options`: options of the command line by name (see `list_options`), for example {"num_retrieved": 20},
         {"LazyLocalizer": {"num_retrieved": 20}} or {"LazyLocalizer.num_retrieved": 20}.
         """
@@ -88,7 +89,7 @@ class Localizer:
             warnings.warn(warning, stacklevel=2)
 
     def close(self) -> None:
-        """Closes the database and frees the memory, once calls in other threads have ended."""
+        """Closes the database, and frees the memory when all calls in other threads have ended."""
         self._core = None
 
     def __enter__(self) -> Localizer:
@@ -99,7 +100,7 @@ class Localizer:
 
     @property
     def num_threads(self) -> int:
-        """Returns how many queries `localize_all` localizes at the same time: the value of the option
+        """Returns how many queries `localize_all` localizes at the same time. This is the value of the option
         LazyLocalizer.num_threads, by default the number of cores."""
         return self._num_threads if self._num_threads > 0 else os.cpu_count() or 1
 
@@ -112,16 +113,18 @@ class Localizer:
     def localize(
         self, name: str, *, position: PositionPrior | None = None, gravity: GravityPrior | None = None
     ) -> Result:
-        """Localizes one of `queries`. If the query belongs to a group or a rig's frame, all images
-        of this group or frame are localized.
+        """Localizes one of `queries`. If the query belongs to a group or a rig's frame, all images of this group or
+        frame are localized together. The result of the query is returned.
 
         `position`: ((x, y, z), uncertainty), the rough position of the camera in the model's coordinates, for example
-        from GPS. The uncertainty is one standard deviation, one for each coordinate, or a 3x3 covariance.
+        from GPS. The uncertainty is one standard deviation for all coordinates, three standard deviations (one for each
+        coordinate), or a 3x3 covariance.
         `gravity`: ((x, y, z), standard deviation in degrees), the downward direction in the camera's axes (x right, y
         down, z forward). It needs the option world_up.
 
-        These values replace the values in the files of the options query_position_path and query_gravity_path. A value
-        is not used if the images contradict it; `as_dict()["priors"]` of the result shows how the values were used.
+        `position` and `gravity` replace the values in the files of the options query_position_path and
+        query_gravity_path. If the images contradict a value, the value is not used. `as_dict()["priors"]` of the result
+        shows how the values were used.
         """
         localizer = self._open()
         group = localizer.find_group(_check_name(name))
@@ -143,8 +146,8 @@ class Localizer:
         height x width x 3 (RGB). The database must contain the descriptors of the posed images.
         `camera`: "MODEL width height params...", a dict with the keys model, width, height and params, or an object
         with these attributes, such as pycolmap.Camera. By default, the intrinsics come from a camera in the model with
-        the photo's size, from EXIF, or from a guess, and are corrected by the images.
-        `name`: the query's name, which also seeds random choices; default: the path, or "photo".
+        the photo's size, from EXIF, or from a guess. Intrinsics that you do not pass are corrected from the images.
+        `name`: the query's name, from which the seed of random numbers is computed; default: the path, or "photo".
         `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Photo(image, camera, name, position, gravity))
@@ -161,11 +164,12 @@ class Localizer:
     ) -> Result:
         """Localizes a query from features and matches of your own.
 
-        `camera`: see `localize_photo`. `keypoints`: n x 2, xy in pixels.
-        `pairs`: {name of a posed image: (keypoints, matches)}. The keypoints of the posed image are m x 2 pixels. Each
-        of the k x 2 matches has the index of a query keypoint and the index of a keypoint of the posed image. If you
-        pass only the matches, the keypoints of the posed image are read from the database. COLMAP's two-view geometry
-        verifies the matches.
+        `camera`: see `localize_photo`.
+        `keypoints`: array of the query's keypoints, n x 2, with x and y in pixels.
+        `pairs`: {name of a posed image: (keypoints, matches)}. `keypoints` is an m x 2 array with the keypoints of the
+        posed image, x and y in pixels. `matches` is a k x 2 array of indices: in each row, the index of a query
+        keypoint, and the index of a keypoint of the posed image. If you pass only the matches, the keypoints of the
+        posed image are read from the database. COLMAP's two-view geometry verifies the matches.
         `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Matches(camera, keypoints, pairs, name, position, gravity))
@@ -173,16 +177,17 @@ class Localizer:
     def localize_rig(self, images: Mapping[QueryT, PoseInput], *, name: str = "rig") -> dict[str, Result]:
         """Localizes the images that a camera rig took at one moment; returns the results by name.
 
-        `images`: {query: cam_from_rig}. A query is the name of one of `queries`, a `Photo` or a `Matches`. A pose is a
-        3x4 or 4x4 matrix, (R, t), a `colmap_lazyloc.poses.Pose`, a pycolmap.Rigid3d or a pycolmap.Image, with lengths
-        in the model's unit. The pose of the rig is the only unknown.
+        `images`: {query: cam_from_rig}. A query is the name of one of `queries`, a `Photo` or a `Matches`. The pose
+        cam_from_rig is a 3x4 or 4x4 matrix, (R, t), a `colmap_lazyloc.poses.Pose`, a pycolmap.Rigid3d or a
+        pycolmap.Image, with lengths in the model's unit. The pose of the rig is the only unknown.
         """
         return self._localize_frame(images, name, has_scale=True)
 
     def localize_trajectory(self, images: Mapping[QueryT, PoseInput], *, has_scale: bool = True) -> dict[str, Result]:
         """Localizes images with known relative poses, for example from odometry or SLAM, as one rigid body.
 
-        `images`: {query: cam_from_world in the trajectory's own coordinates}; for the types, see `localize_rig`.
+        `images`: {query: cam_from_world}, with the trajectory's coordinate system as the world. For the types of
+        queries and poses, see `localize_rig`.
         `has_scale`: False if the trajectory is not in the model's unit; its scale is then estimated.
         """
         return self._localize_frame(images, None, has_scale=has_scale)
@@ -192,8 +197,9 @@ class Localizer:
     ) -> Iterator[Result]:
         """Localizes many queries on several threads, and returns a generator of results in order of completion.
 
-        `queries`: names from `queries`, `Photo` and `Matches`; default: all of `queries`.
-        `num_threads`: number of threads, -1 uses all cores; default: the property `num_threads`.
+        `queries`: an iterable of names from the property `queries`, of `Photo` and of `Matches`; default: all names in
+        the property.
+        `num_threads`: number of threads; -1 means all cores; default: the property `num_threads`.
         `progress`: True shows a progress bar (tqdm) on the standard error output.
 
         After Ctrl-C, or when the generator is closed, the running queries are finished and no new queries start.

@@ -103,12 +103,13 @@ class Camera:
         return Camera(str(model), int(camera.width), int(camera.height), tuple(map(float, camera.params)))
 
     def text(self) -> str:
-        """Returns `MODEL width height params...` with enough digits for `parse` to read the same numbers."""
+        """Returns the text `MODEL width height params...`, with enough digits for `parse` to read exactly the same
+        numbers."""
         return " ".join([self.model, str(self.width), str(self.height), *(repr(float(param)) for param in self.params)])
 
     @staticmethod
     def parse(path: Path, text: str) -> "Camera":
-        """Parses the output of `text`; error messages name `path`."""
+        """Parses a text `MODEL width height params...`, the output of the method `text`. Error messages name `path`."""
         words = text.split(maxsplit=3)
         if len(words) < 4 or not (words[1].isdecimal() and words[2].isdecimal()):
             raise InputError(f"{path}: expected `MODEL width height params...`, found '{text}'")
@@ -139,7 +140,7 @@ class Camera:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Image:
-    """An image of a model. A query may have no pose."""
+    """An image of a model. cam_from_world may be None, for example for a query that is not localized."""
 
     name: str
     camera_id: int
@@ -149,7 +150,7 @@ class Image:
 
     @property
     def pose(self) -> Pose:
-        """Returns cam_from_world; the image must have a pose."""
+        """Returns cam_from_world of an image that has a pose."""
         if self.cam_from_world is None:
             raise InputError(f"image '{self.name}' has no pose")
         return self.cam_from_world
@@ -184,7 +185,7 @@ def is_reconstruction(value: object) -> bool:
 
 
 def poses_of(poses: ModelLike | Mapping[str, PoseLike]) -> dict[str, Pose]:
-    """Returns {image name: pose} for a model, a pycolmap.Reconstruction or a dict of poses."""
+    """Returns {image name: pose} with all poses of a model, of a pycolmap.Reconstruction or of a dict."""
     if isinstance(poses, Mapping):
         return {name: Pose.of(pose) for name, pose in poses.items()}
     images = Model.of(poses).images
@@ -197,7 +198,8 @@ def is_model(path: Path) -> bool:
 
 
 def read_model(path: Path) -> Model:
-    """Reads the cameras and images of a COLMAP model; like COLMAP, prefers binary files to text files."""
+    """Reads the cameras and images of a COLMAP model. Like COLMAP, reads the binary files if the folder contains binary
+    and text files."""
     # Let the program's reader do it, so that both read the same files and refuse the others with the same line. Import
     # it here, because few users of this module read models.
     from colmap_lazyloc.extension import core
@@ -229,7 +231,7 @@ def _points_of_text(line: bytes) -> NDArray[np.void]:
 def write_model(
     path: Path, cameras: Mapping[int, Camera], images: Iterable[Image], binary: bool = False
 ) -> pathlib.Path:
-    """Writes a COLMAP model without points, with the posed images and their cameras; returns its folder."""
+    """Writes a COLMAP model with the posed images and their cameras, without points. Returns the model's folder."""
     path, posed = pathlib.Path(path), [(image, image.cam_from_world) for image in images if image.cam_from_world]
     path.mkdir(parents=True, exist_ok=True)
     used = {camera_id: cameras[camera_id] for camera_id in sorted({image.camera_id for image, _ in posed})}

@@ -63,18 +63,18 @@ class Pose:
 
     @staticmethod
     def from_centre(rotation: ArrayLike, cam_in_world: ArrayLike) -> "Pose":
-        """Makes a pose from a 3x3 rotation (cam_from_world) and the projection centre."""
+        """Makes a pose from a 3x3 rotation (cam_from_world) and the camera's centre in the world."""
         return Pose.from_matrix(rotation, -(np.asarray(rotation) @ np.asarray(cam_in_world, float)))
 
     @property
     def rotation(self) -> Floats:
-        """Returns the 3x3 rotation matrix, cam_from_world."""
+        """Returns the 3x3 rotation matrix of cam_from_world."""
         rotation: Floats = rotation_matrices((self.qvec / np.linalg.norm(self.qvec))[None])[0]
         return rotation
 
     @property
     def cam_in_world(self) -> Floats:
-        """Returns the projection centre."""
+        """Returns the camera's centre in the world."""
         return -self.rotation.T @ self.tvec
 
     def inverse(self) -> "Pose":
@@ -90,17 +90,18 @@ class Pose:
         return points_in_world @ self.rotation.T + self.tvec
 
     def errors(self, truth: "PoseLike") -> tuple[float, float]:
-        """Returns the distance between the projection centres, and the angle between the rotations in degrees."""
+        """Returns the distance between the camera centres of this pose and of `truth`, and the angle between the two
+        rotations in degrees."""
         poses = ((pose.qvec / np.linalg.norm(pose.qvec), pose.tvec) for pose in (self, Pose.of(truth)))
         (distance,), (angle_deg,) = pose_errors(*(vector[None] for pose in poses for vector in pose))
         return float(distance), float(angle_deg)
 
     def bits(self) -> bytes:
-        """Returns qvec and tvec as seven doubles, as in COLMAP's binary models."""
+        """Returns the bytes of qvec and tvec: seven doubles, as in COLMAP's binary models."""
         return np.array([*self.qvec, *self.tvec], "<f8").tobytes()
 
     def text(self) -> str:
-        """Returns `qw qx qy qz tx ty tz` with enough digits to read the same numbers again."""
+        """Returns the text `qw qx qy qz tx ty tz`, with enough digits to read exactly the same numbers."""
         return " ".join(f"{number:.17g}" for number in (*self.qvec, *self.tvec))
 
 
@@ -170,7 +171,8 @@ def look_at(cam_in_world: ArrayLike, target: ArrayLike, down: ArrayLike, roll_de
 
 
 def read_poses(path: Path) -> dict[str, Pose]:
-    """Reads lines `name qw qx qy qz tx ty tz` (cam_from_world), such as poses.txt; names may contain spaces."""
+    """Reads a file in the format of poses.txt: lines `name qw qx qy qz tx ty tz` (cam_from_world). Names may contain
+    spaces."""
     poses = {}
     for line_number, line in read_entries(path):
         words = line.rsplit(maxsplit=7)
@@ -190,7 +192,7 @@ def read_poses(path: Path) -> dict[str, Pose]:
 
 
 def write_poses(path: pathlib.Path, poses: Mapping[str, PoseLike]) -> None:
-    """Writes a file for `read_poses`, sorted by name; creates its folder if needed."""
+    """Writes poses to a file in the format of poses.txt, sorted by name. Creates the file's folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     lines = (f"{name} {Pose.of(poses[name]).text()}\n" for name in sorted(poses))
     path.write_text("".join(lines), encoding="utf-8")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PycolmapPose(TypedDict):
-    """The dict that pycolmap's absolute pose estimators return, with the covariance."""
+    """A dict with the keys that pycolmap's absolute pose estimators return, and `covariance` (as in `Result`)."""
 
     cam_from_world: "pycolmap.Rigid3d"
     num_inliers: int
@@ -27,9 +27,9 @@ class PycolmapPose(TypedDict):
 
 @dataclasses.dataclass(frozen=True)
 class RunnerUp:
-    """The most probable alternative explanation of the images, with its pose."""
+    """The most probable alternative to the pose of a result."""
 
-    explanation: str  # what the images would mean, in words
+    explanation: str  # what supports the alternative, in words
     pose: Pose
     odds: float | None  # its probability divided by the pose's probability; None if the result's confidence is 0
 
@@ -45,10 +45,10 @@ class Result:
 
     name: str  # name of the query
     line: str  # the query's line in results.jsonl
-    keypoints: NDArray[np.float64]  # keypoints of the query, n x 2, xy in pixels
+    keypoints: NDArray[np.float64]  # keypoints of the query, n x 2, x and y in pixels
     points: NDArray[np.float64]  # 3D points that the query observes, m x 3, in world coordinates
     point_keypoints: NDArray[np.int32]  # for each point, the index of the query keypoint that observes it
-    observations: NDArray[np.int32]  # k x 3 indices: of a point, of an image in as_dict()["pairs"], of its keypoint
+    observations: NDArray[np.int32]  # k rows of indices: point, image in as_dict()["pairs"], keypoint of this image
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class Result:
 
     @property
     def is_localized(self) -> bool:
-        """True if the status is LOCALIZED; only then is there a pose."""
+        """True if the status is LOCALIZED. The result then has a pose."""
         return self.status == "LOCALIZED"
 
     @property
@@ -86,9 +86,9 @@ class Result:
 
     @property
     def runner_up(self) -> RunnerUp | None:
-        """Returns the most probable alternative to the result's pose; None if there is none. It has a `pose`, an
-        `explanation` in words, and `odds`: the ratio of its probability to the probability of the result's pose
-        (docs/formats.md)."""
+        """Returns the most probable alternative to the result's pose; None if there is no alternative. The alternative
+        has a `pose`, an `explanation` in words, and `odds`: its probability, divided by the probability of the result's
+        pose."""
         fields = self._fields.get("runner_up")
         if fields is None:
             return None
@@ -118,32 +118,34 @@ class Result:
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
-        """Returns the 6x6 covariance of the pose: rotation w in rad (R <- exp(w) R), then t; None if unknown."""
+        """Returns the 6x6 covariance of cam_from_world: the first three rows and columns belong to the rotation w in
+        rad (R <- exp(w) R), the last three to the translation t. None if unknown."""
         return _to_array(self._fields["covariance"])
 
     @property
     def world_from_cam(self) -> NDArray[np.float64] | None:
-        """Returns the camera's pose in the map as a 3x4 matrix [R | C]: R has the camera's axes, C is its centre; None
-        unless LOCALIZED."""
+        """Returns the camera's pose in the map as a 3x4 matrix [R | C]: the columns of R are the camera's axes, and C
+        is the camera's centre; None unless LOCALIZED."""
         return _to_matrix(to_pose(self._fields["world_from_cam"]))
 
     @property
     def position_covariance(self) -> NDArray[np.float64] | None:
-        """Returns the 3x3 covariance of `position` in the axes of the map, in the model's unit squared; None if
-        unknown."""
+        """Returns the 3x3 covariance of `position` along the axes of the map, in the square of the model's unit; None
+        if unknown."""
         return _to_array(self._fields["position_covariance"])
 
     @property
     def pose_covariance_in_map(self) -> NDArray[np.float64] | None:
-        """Returns the 6x6 covariance of world_from_cam, in the order of PoseWithCovariance in ROS: position, then
-        rotation in rad about the fixed axes of the map (R <- exp(turn) R for R of world_from_cam); None if unknown."""
+        """Returns the 6x6 covariance of world_from_cam, in the order of PoseWithCovariance in ROS. The first three rows
+        and columns belong to the position, the last three to the rotation in rad about the fixed axes of the map
+        (R <- exp(turn) R for the rotation R of world_from_cam). None if unknown."""
         return _to_array(self._fields["pose_covariance_in_map"])
 
     @property
     def heading_deg(self) -> float | None:
-        """Returns the horizontal direction of the optical axis, from 0 to 360, clockwise from true north if the model
-        is geographic, otherwise clockwise from +y of the model (+z is up); None unless LOCALIZED. A camera that looks
-        straight up or down has no heading: use top_heading_deg."""
+        """Returns the compass direction of the optical axis, from 0 to 360: 0 is north, 90 is east. North is true north
+        if the model has geographic coordinates; in any other model, north is +y, and up is +z. None unless LOCALIZED.
+        For a camera that looks straight up or down, use top_heading_deg."""
         return self._fields["heading_deg"]
 
     @property
@@ -159,13 +161,14 @@ class Result:
 
     @property
     def top_heading_deg(self) -> float | None:
-        """Returns the horizontal direction of the photo's top, counted like heading_deg; None unless LOCALIZED. If a
-        drone's camera looks down, this is usually the heading of the drone."""
+        """Returns the compass direction in which the upper edge of the photo points, seen from above: 0 is north, 90 is
+        east; None unless LOCALIZED. If a drone's camera looks down, this is usually the heading of the drone."""
         return self._fields["top_heading_deg"]
 
     @property
     def heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of heading_deg, at most 104: every direction is possible; None if unknown."""
+        """Returns the standard deviation of heading_deg; None if unknown. The maximum is 104, which means that every
+        direction is possible."""
         return self._fields["heading_stddev_deg"]
 
     @property
@@ -175,17 +178,19 @@ class Result:
 
     @property
     def roll_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of roll_deg, at most 104; None if unknown."""
+        """Returns the standard deviation of roll_deg, at most 104 (every direction is possible); None if unknown."""
         return self._fields["roll_stddev_deg"]
 
     @property
     def top_heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of top_heading_deg, at most 104; None if unknown."""
+        """Returns the standard deviation of top_heading_deg, at most 104 (every direction is possible); None if
+        unknown."""
         return self._fields["top_heading_stddev_deg"]
 
     @property
     def inlier_mask(self) -> NDArray[np.bool_]:
-        """Returns a value for each keypoint of the query: True if the keypoint observes a point in `points`."""
+        """Returns an array with a value for each keypoint of the query: True if the keypoint observes a point in
+        `points`."""
         mask = np.zeros(len(self.keypoints), np.bool_)
         mask[self.point_keypoints] = True
         return mask
@@ -201,8 +206,8 @@ class Result:
         return fields
 
     def as_pycolmap(self) -> PycolmapPose | None:
-        """Returns a dict like pycolmap's absolute pose estimators: cam_from_world (pycolmap.Rigid3d), num_inliers,
-        inlier_mask, and also covariance. Like them, it returns None if there is no pose. Needs pycolmap."""
+        """Returns a dict like the dicts of pycolmap's absolute pose estimators: cam_from_world (a pycolmap.Rigid3d),
+        num_inliers and inlier_mask, and also covariance. Returns None if there is no pose. Needs pycolmap."""
         pose = self.pose
         if pose is None:
             return None

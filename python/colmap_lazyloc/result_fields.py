@@ -49,7 +49,7 @@ class EvidenceFields(TypedDict):
 
 
 class IntrinsicsFields(TypedDict):
-    """The test of the query's intrinsics against the images."""
+    """The result of the test whether the images agree with the query's intrinsics."""
 
     origin: str
     verdict: str
@@ -59,7 +59,7 @@ class IntrinsicsFields(TypedDict):
 
 
 class PoseNoiseFields(TypedDict):
-    """The expected errors of the database poses."""
+    """The expected sizes of the errors of the database poses."""
 
     source: str
     num_pairs: int
@@ -69,7 +69,7 @@ class PoseNoiseFields(TypedDict):
 
 
 class DepthMapFields(TypedDict):
-    """A depth map of a database image."""
+    """How the depth map of a database image was used."""
 
     name: str
     verdict: str
@@ -80,7 +80,7 @@ class DepthMapFields(TypedDict):
 
 
 class DepthFields(TypedDict):
-    """The use of depth maps of database images."""
+    """How depth maps of database images were used."""
 
     fixes: str
     num_points: int
@@ -104,7 +104,7 @@ class PriorsFields(TypedDict):
 
 
 class RunnerUpFields(TypedDict):
-    """The most probable alternative explanation, with its pose."""
+    """The most probable alternative to the pose."""
 
     explanation: str
     odds: float | None
@@ -113,7 +113,7 @@ class RunnerUpFields(TypedDict):
 
 
 class EpochFields(TypedDict):
-    """The effect of the joint adjustment of new photos on one photo."""
+    """How the joint adjustment of new photos has changed this photo."""
 
     hangs_on: str
     is_adjusted: bool

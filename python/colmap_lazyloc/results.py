@@ -51,8 +51,8 @@ def find_results(path: Path) -> pathlib.Path:
 
 
 def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) -> dict[str, ResultFields]:
-    """Reads the results by query name, in the order of the file. `watch` may show progress: it gets
-    the open file and yields its lines."""
+    """Returns the results in a results.jsonl by query name, in the order of the file. With `watch`, you can show
+    progress: the function gets the open file, and must yield the lines of the file."""
     results: dict[str, ResultFields] = {}
     with open_text(path) as file:
         for line_number, line in enumerate(watch(file), start=1):
@@ -126,7 +126,8 @@ def pose_of(result: ResultFields) -> Pose | None:
 
 
 def unconfirmed_pose_of(result: ResultFields) -> Pose | None:
-    """Returns the query's pose, even if its status is LOW_CONFIDENCE; None if there is no pose."""
+    """Returns the pose of a localized query, or the unconfirmed pose of a LOW_CONFIDENCE query; None for all other
+    queries."""
     return pose_of(result) or to_pose(result.get("unconfirmed_cam_from_world"))
 
 

@@ -11,7 +11,7 @@ from colmap_lazyloc.inputs import Option, Options
 
 
 def list_options() -> dict[str, str]:
-    """Returns {name: help} of all options, with names as on the command line, such as "LazyLocalizer.num_retrieved"."""
+    """Returns {name: help text} for all options. Names are as on the command line: "LazyLocalizer.num_retrieved"."""
     return {name: f"{text} (default: {default})" if default else text for name, default, text in core.settings()}
 
 
