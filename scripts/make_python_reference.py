@@ -140,10 +140,11 @@ def make_reference() -> str:
                 described += describe_class(node, lines)
             else:
                 functions += describe_function(node, f"{name}.{member}")
-    types = ["### Types", "", "Types in the signatures. `ArrayLike` and `NDArray` are from numpy.", ""]
+    types = ["### Types", "", "The signatures above use these types. `ArrayLike` and `NDArray` are from numpy.", ""]
     for name in WITH_ALIASES:
         types += describe_aliases(name)
-    files = ["", "Fields of files. [Files and formats](formats.md) explains them.", "", *describe_fields_of_files()]
+    explained = "Types of the dicts in result files. [Files and formats](formats.md) explains the fields."
+    files = ["", explained, "", *describe_fields_of_files()]
     text = "\n".join([*described, *functions, *types, *files])
     return re.sub(r"\n{3,}", "\n\n", text).rstrip() + "\n"
 

@@ -29,7 +29,7 @@ from colmap_lazyloc.results import RESULTS, find_run, read_results
 DEFAULT_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
 
 
-Errors = dict[str, tuple[float, float] | None]  # by query name: position error, and rotation error in degrees
+Errors = dict[str, tuple[float, float] | None]  # {query name: (position error, rotation error in degrees) or None}
 METRE = "m"  # the other unit is that of the database, whatever it is
 
 
@@ -77,9 +77,11 @@ def read_any_poses(path: pathlib.Path) -> dict[str, Pose]:
 def evaluate(
     estimated: ModelLike | Mapping[str, PoseLike], truth: ModelLike | Mapping[str, PoseLike], names: Iterable[str]
 ) -> Errors:
-    """Returns (position error, rotation error in degrees) by query name; None for a query without an estimated pose.
+    """Returns a dict with the error of each query in `names`: (position error, rotation error in degrees), or None if
+    the query has no estimated pose.
 
-    Poses are in a dict by name (a `Pose`, a pycolmap.Rigid3d or a pycolmap.Image), or in a pycolmap.Reconstruction.
+    `estimated` and `truth` are a `Model`, a pycolmap.Reconstruction, or a dict {name: pose}. A pose is a `Pose`, a
+    pycolmap.Rigid3d or a pycolmap.Image.
     """
     poses, true_poses = poses_of(estimated), poses_of(truth)
     return {name: poses[name].errors(true_poses[name]) if name in poses else None for name in names}

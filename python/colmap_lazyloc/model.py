@@ -146,7 +146,7 @@ class Image:
     camera_id: int
     cam_from_world: Pose | None
     image_id: int = 0
-    points2d: NDArray[np.void] = dataclasses.field(default_factory=NO_POINTS.copy)  # image points, n rows of POINT2D
+    points2d: NDArray[np.void] = dataclasses.field(default_factory=NO_POINTS.copy)  # rows x, y, point3d_id
 
     @property
     def pose(self) -> Pose:

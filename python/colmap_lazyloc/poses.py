@@ -78,7 +78,7 @@ class Pose:
         return -self.rotation.T @ self.tvec
 
     def inverse(self) -> "Pose":
-        """Returns world_from_cam."""
+        """Returns the inverse pose, world_from_cam."""
         return Pose.from_matrix(self.rotation.T, self.cam_in_world)
 
     def __matmul__(self, first: "Pose") -> "Pose":

@@ -121,7 +121,7 @@ class EpochFields(TypedDict):
 
 
 class ResultFields(TypedDict):
-    """A line of results.jsonl."""
+    """A line of results.jsonl: the result for one query."""
 
     name: str
     status: str
@@ -171,7 +171,8 @@ class ResultFields(TypedDict):
 
 
 class RiskCoverageFields(TypedDict):
-    """A minimum confidence, the share of queries that reach it, and the share of wrong poses among these queries."""
+    """A minimum confidence, the share of queries with at least this confidence, and the share of wrong poses among
+    these queries."""
 
     confidence: float
     coverage: float
