@@ -160,3 +160,12 @@ def test_closed_pipe_is_no_error(colmap):
 def test_help_writes_nothing(colmap, tmp_path):
     subprocess.run([colmap, "lazy_localizer", "-h"], cwd=tmp_path, check=True, capture_output=True)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_help_breaks_no_option_across_lines(colmap):
+    # boost breaks a word that begins in the left half of a line and does not fit into it.
+    text = run(colmap, "lazy_localizer", "--help-all").stdout
+    names = re.findall(r"--([a-z_]+)(?![\w.])", text)
+    options = {name.split(" ")[0] for name in re.findall(r"^ +--([\w.-]+)", text, re.MULTILINE)} | {"help"}
+    assert len(names) > 20
+    assert set(names) <= options
