@@ -91,7 +91,7 @@ build() {
     -DONNXRUNTIME_INCLUDE_DIR="$ONNXRUNTIME_INCLUDE_DIR" \
     ${CMAKE_ARGS:-} > "$log" 2>&1 || { tail -30 "$log" >&2; return 1; }
   if ninja -C "$BUILD_DIR" -n ${BUILD_TARGETS:-} | grep -q 'no work to do'; then return 0; fi
-  say "building (COLMAP too, unless ccache has it: about ten minutes on two cores); log in $log"
+  say "building (COLMAP too, unless ccache has it: 10 to 20 minutes on two cores); log in $log"
   share_of_project() { share_of_build "${BUILD_TARGETS:-everything}" "$log"; }
   with_progress "$log" share_of_project ninja -C "$BUILD_DIR" ${BUILD_TARGETS:-} ||
     { grep -E 'FAILED|error|Error' "$log" | head -40 >&2; say "the build failed; see $log"; return 1; }
