@@ -11,7 +11,8 @@ from colmap_lazyloc.evaluate import DEFAULT_THRESHOLDS
 BASELINE = "structure_based"
 MISSING = "–"
 HEADER = (
-    "| method | queries | median cm / ° | mean cm | lost | ratio to the map [95 %] | "
+    "| method | queries | median cm / ° | mean cm | lost | "
+    "position error / error with the map [95 %] | "
     + " | ".join(f"{metres:g} m, {degrees:g}°" for metres, degrees in DEFAULT_THRESHOLDS)
     + " | median s |\n"
     + "|---" * (7 + len(DEFAULT_THRESHOLDS))
@@ -23,11 +24,11 @@ LEGEND = f"""**Columns of the tables**
   infinite error.
 - *mean cm*: mean position error of the localized queries, in cm.
 - *lost*: number of queries without a pose.
-- *ratio to the map [95 %]*: position error of the method divided by the position error of `{BASELINE}`, as the
-  geometric mean over the queries that both methods localize. The brackets contain the 95 % bootstrap interval
-  of this mean.
+- *position error / error with the map [95 %]*: position error of the method divided by the position error of
+  `{BASELINE}`, as the geometric mean over the queries that both methods localize. The brackets contain the 95 %
+  bootstrap interval of this mean.
 - *0.25 m, 2°* and similar columns: percentage of all queries whose position error and rotation error are both
-  below these values.
+  below the two values in the column's header.
 - *median s*: median time per query, in seconds.
 """
 

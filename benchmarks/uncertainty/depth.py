@@ -86,7 +86,10 @@ def main(arguments=None):
     parser.add_argument("--colmap", type=pathlib.Path, help="program; default: build/bin/colmap or $COLMAP")
     options = parser.parse_args(arguments)
     colmap = options.colmap or find_colmap()
-    print("| depth error | scale | localized | median error / distance | NEES median (2.4) | NEES 90 % (6.3) |")
+    print(
+        "| depth error | scale | localized | median error / distance | median NEES (right: 2.4) "
+        "| 90 % quantile of the NEES (right: 6.3) |"
+    )
     print("|---|---|---|---|---|---|")
     for noise_ratio in NOISE_RATIOS:
         for is_metric in (False, True):

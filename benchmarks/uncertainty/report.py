@@ -158,8 +158,8 @@ def cases():
     yield "query on the line", make(row, on_row)
     split = make(row, on_row, synthetic.split_tracks, num_points=900)
     yield "query on the line, each point in one database image", split
-    yield "database images 0.1 units apart at 6 units", make(close, near_row)
-    yield "database images 0.05 units apart at 6 units", make(place + (close - place) / 2, near_row)
+    yield "database images 0.1 units apart, 6 units away from the scene", make(close, near_row)
+    yield "database images 0.05 units apart, 6 units away from the scene", make(place + (close - place) / 2, near_row)
 
 
 def root_mean_square(values):
@@ -221,7 +221,8 @@ def print_cases(colmap):
 
 def print_scenes(colmap, data_paths):
     """Prints medians of the errors of each scene's localized images, with 20 and with 4 database images."""
-    print("## Leave one out\n\n| scene | K | localized | median cm / ° | position (2.4) | rotation (2.4) |")
+    ratios = "| position: median of error² / covariance (right: 2.4) | rotation: median of error² / covariance (right: 2.4) |"
+    print(f"## Leave one out\n\n| scene | K | localized | median error, cm / ° {ratios}")
     print("|---|---|---|---|---|---|")
     for scene_path in sorted(path.parent for data_path in data_paths for path in data_path.glob("*/database.db")):
         truth = {name: image.cam_from_world for name, image in read_model(scene_path / "model").images.items()}
