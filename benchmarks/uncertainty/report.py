@@ -153,7 +153,10 @@ def cases():
     yield "one database image", make(arc, near_arc, keep_first_pairs)
     yield "one database image, all points in one plane", make(arc, near_arc, keep_first_pairs, is_planar=True)
     yield "database images of one place", make(np.repeat(place, 5, axis=0), near_row)
-    yield "panorama: database images and query at one place", make(np.repeat(place, 5, axis=0), np.repeat(place, 10, axis=0))
+    yield (
+        "panorama: database images and query at one place",
+        make(np.repeat(place, 5, axis=0), np.repeat(place, 10, axis=0)),
+    )
     yield "query beside a line of database images", make(row, near_row)
     yield "query on the line", make(row, on_row)
     split = make(row, on_row, synthetic.split_tracks, num_points=900)
@@ -221,8 +224,8 @@ def print_cases(colmap):
 
 def print_scenes(colmap, data_paths):
     """Prints medians of the errors of each scene's localized images, with 20 and with 4 database images."""
-    ratios = "| position: median of error² / covariance (right: 2.4) | rotation: median of error² / covariance (right: 2.4) |"
-    print(f"## Leave one out\n\n| scene | K | localized | median error, cm / ° {ratios}")
+    ratios = " ".join(f"| {part}: median of error² / covariance (right: 2.4)" for part in ("position", "rotation"))
+    print(f"## Leave one out\n\n| scene | K | localized | median error, cm / ° {ratios} |")
     print("|---|---|---|---|---|---|")
     for scene_path in sorted(path.parent for data_path in data_paths for path in data_path.glob("*/database.db")):
         truth = {name: image.cam_from_world for name, image in read_model(scene_path / "model").images.items()}
