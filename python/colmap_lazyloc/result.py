@@ -178,13 +178,14 @@ class Result:
 
     @property
     def roll_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of roll_deg, at most 104 (every direction is possible); None if unknown."""
+        """Returns the standard deviation of roll_deg. 104, the largest value, means an unknown angle. None if not
+        computed."""
         return self._fields["roll_stddev_deg"]
 
     @property
     def top_heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of top_heading_deg, at most 104 (every direction is possible); None if
-        unknown."""
+        """Returns the standard deviation of top_heading_deg. 104, the largest value, means an unknown heading. None if
+        not computed."""
         return self._fields["top_heading_stddev_deg"]
 
     @property

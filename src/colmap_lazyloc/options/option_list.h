@@ -74,7 +74,7 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Camera parameters for photos without known intrinsics, separated by commas; default: the parameters of a "
       "database camera with the photo's size, else the focal length in EXIF, else a guess");
   add("ImageReader.single_camera", &o.source.single_camera,
-      "Assume that one camera with one zoom took all queries of the same size without given intrinsics. The "
+      "Assume that one camera at one zoom took all queries that have the same size and no given intrinsics. The "
       "intrinsics of this camera are estimated from up to 20 of these queries together, and written to options.ini. "
       "Not for groups, rigs and trajectories. By default, only queries that share a camera in the database share "
       "intrinsics");
