@@ -3,9 +3,11 @@
 import csv
 import dataclasses
 import json
+import logging
 import pathlib
 import re
 import shutil
+import threading
 
 import cv2
 import numpy as np
@@ -352,13 +354,24 @@ def test_cause_of_a_failed_command_is_named_without_colours(tmp_path):
 
 
 LOG = (
+    "I1 incremental_mapper.cc:225] Loading database",
+    "I1 incremental_mapper.cc:265] Finding good initial image pair",
+    "I1 incremental_mapper.cc:289] Initializing with image pair #5 and #6",
     "I1 feature_extraction.cc:257] Processed file [3/40]",
     "I1 incremental_mapper.cc:375] Registering image #6 (7)",
     "I1 incremental_pipeline.cc:537] Registering image #6 (num_reg_frames=8)",
     "I1 incremental_mapper.cc:378] => Image sees 395 / 894 points",
     "I1 pairing.cc:400] Matching image [2/5]",
 )
-COUNTS = [(3, 40, "photos"), (7, 20, "photos have poses"), (8, 20, "photos have poses"), (2, 5, "photos")]
+COUNTS = [
+    (0, 20, "loading the matches"),
+    (0, 20, "looking for two photos to begin with"),
+    (2, 20, "photos have poses"),
+    (3, 40, "photos"),
+    (7, 20, "photos have poses"),
+    (8, 20, "photos have poses"),
+    (2, 5, "photos"),
+]
 
 
 def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
@@ -406,6 +419,40 @@ def test_lines_of_progress_have_the_time_that_is_left(monkeypatch, caplog):
     ]
     bar.show(1, 40, "photos")
     assert len(caplog.messages) == 5, "at most a line every 30 seconds"
+    now = 41100.0
+    bar.read("I1 incremental_mapper.cc:265] Finding good initial image pair", {})
+    assert caplog.messages[-1] == "looking for two photos to begin with: 11.1 h passed"
+
+
+@pytest.mark.parametrize("has_terminal", [True, False])
+def test_time_goes_on_while_a_program_prints_nothing(monkeypatch, caplog, has_terminal):
+    drawn = threading.Semaphore(0)
+
+    class Bar:
+        def __init__(self, **options):
+            pass
+
+        def refresh(self):
+            drawn.release()
+
+        def close(self):
+            pass
+
+    class Lines(logging.Handler):
+        def emit(self, record):
+            if record.getMessage().startswith("photos have poses: "):
+                drawn.release()
+
+    monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: Bar if has_terminal else None)
+    monkeypatch.setattr(colmap_runner, "SECONDS_PER_TICK", 0.01)
+    monkeypatch.setattr(colmap_runner, "SECONDS_PER_LINE", 0.01)
+    caplog.set_level("INFO", logger="colmap_lazyloc")
+    logging.getLogger("colmap_lazyloc").addHandler(lines := Lines())
+    try:
+        with ProgressBar("mapping", 0, "photos have poses"):
+            assert drawn.acquire(timeout=60) and drawn.acquire(timeout=60)
+    finally:
+        logging.getLogger("colmap_lazyloc").removeHandler(lines)
 
 
 def test_pairs_are_matched_in_parts_that_take_some_seconds(monkeypatch, tmp_path):

@@ -7,6 +7,7 @@ import pathlib
 import re
 import signal
 import subprocess
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -21,8 +22,15 @@ GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+ +\d+ \S+\] ")
 STACK_TRACE = re.compile(r"@ +0x|\*\*\* |PC: |terminate called|what\(\): ")  # what follows a failed check of COLMAP
 PROCESSED = re.compile(r"(?:file|image) \[(\d+)/(\d+)\]")  # extracted, indexed or matched
 REGISTERED = re.compile(r"Registering image #\d+ \((?:num_reg_frames=)?(\d+)\)")  # of COLMAP 3 or 4
+INITIALIZED = "Initializing with image pair"
+# What COLMAP's mapper does before the first photos have poses, by its log.
+PREPARATIONS = {
+    "Loading database": "loading the matches",
+    "Finding good initial image pair": "looking for two photos to begin with",
+}
 WARNING = "WARNING: "  # at the beginning of a line
 SECONDS_PER_LINE = 30.0  # where there is no bar
+SECONDS_PER_TICK = 1.0
 
 
 class ColmapRunner:
@@ -84,31 +92,40 @@ class ColmapRunner:
 
 class ProgressBar:
     """Shows how far a step is, and the time that is left: on a terminal by a bar, elsewhere and without tqdm by a line
-    from time to time. Use it in a `with` statement."""
+    from time to time. Use it in a `with` statement, in which time goes on while a program prints nothing."""
 
     def __init__(self, title: str, total: int = 0, what: str = ""):
         """`total`, `what`: how many of what the step has to do, if that is known."""
         logger.info(title)
         bar = terminal_bar()
         self._bar = None if bar is None else bar(leave=False, total=total or None, postfix=what or None)
-        self._total, self._begin = total, time.monotonic()
+        self._total = total
+        self._shown = 0, total, what
+        self._begin = time.monotonic()
         self._time = self._begin
+        self._lock = threading.RLock()
+        self._has_ended = threading.Event()
+        self._clock = threading.Thread(target=self._tick, daemon=True)
 
     def __enter__(self) -> "ProgressBar":
+        self._clock.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._has_ended.set()
+        self._clock.join()
         if self._bar is not None:
             self._bar.close()
 
     @contextmanager
     def hidden(self) -> Iterator[None]:
         """Takes the bar away while a line is written."""
-        if self._bar is not None:
-            self._bar.clear()
-        yield
-        if self._bar is not None:
-            self._bar.refresh()
+        with self._lock:
+            if self._bar is not None:
+                self._bar.clear()
+            yield
+            if self._bar is not None:
+                self._bar.refresh()
 
     def read(self, line: str, result: dict[str, Any]) -> None:
         """Reads a line of COLMAP, such as `Processed file [3/40]`, or the result of a query."""
@@ -116,19 +133,43 @@ class ProgressBar:
             self.show(int(match[1]), int(match[2]), "photos")
         elif match := REGISTERED.search(line):
             self.show(int(match[1]), self._total, "photos have poses")
+        elif INITIALIZED in line:
+            self.show(2, self._total, "photos have poses")
+        elif text := next((text for part, text in PREPARATIONS.items() if part in line), None):
+            self.show(0, self._total, text)
         elif result:
             self.show(result["done"], result["of"], "queries")
 
     def show(self, done: int, total: int, what: str) -> None:
-        """Shows that this many are done."""
+        """Shows that this many are done; if none is, `what` may also say what is being done."""
+        with self._lock:
+            self._shown = done, total, what
+            if self._bar is not None:
+                self._bar.n, self._bar.total = done, total
+                self._bar.set_postfix_str(what, refresh=True)
+            else:
+                self._write_line()
+
+    def _tick(self) -> None:
+        while not self._has_ended.wait(SECONDS_PER_TICK):
+            with self._lock:
+                if self._bar is not None:
+                    self._bar.refresh()
+                else:
+                    self._write_line()
+
+    def _write_line(self) -> None:
+        """Writes a line, if the last one is not too recent."""
         now = time.monotonic()
-        if self._bar is not None:
-            self._bar.n, self._bar.total = done, total
-            self._bar.set_postfix_str(what, refresh=True)
-        elif now - self._time > SECONDS_PER_LINE:
-            self._time = now
-            left = f", about {_duration((now - self._begin) / done * (total - done))} left" if 0 < done < total else ""
-            logger.info("%d of %d %s%s", done, total, what, left)
+        if now - self._time <= SECONDS_PER_LINE:
+            return
+        self._time, passed = now, now - self._begin
+        done, total, what = self._shown
+        if total == 0 or what in PREPARATIONS.values():
+            logger.info("%s%s passed", f"{what}: " if what else "", _duration(passed))
+            return
+        left = f", about {_duration(passed / done * (total - done))} left" if 0 < done < total else ""
+        logger.info("%d of %d %s%s", done, total, what, left)
 
 
 def _duration(seconds: float) -> str:
