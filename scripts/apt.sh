@@ -20,9 +20,10 @@ with_progress() {
   return $code
 }
 
-# Prints how far a step is: "$1: $2 of $3 $4, N %".
+# Prints how far a step is: "$1: $2 of $3 $4, N %". $2 may exceed $3, because it is counted in another program's output.
 share() {
-  echo "$1: $2 of $3 $4, $((100 * $2 / ($3 > 0 ? $3 : 1))) %"
+  local num_done=$(($2 < $3 ? $2 : $3))
+  echo "$1: $num_done of $3 $4, $((100 * num_done / ($3 > 0 ? $3 : 1))) %"
 }
 
 # Prints how far a build of ninja is by its last line in the log $2. $1: what is built.

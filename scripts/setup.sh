@@ -76,7 +76,7 @@ install_requirements() {
         "$(grep -c . "$list")" "of the list"); $(grep -c '^ *Downloading' "$log") files with what these need"
     fi
   }
-  start=$(date +%s)
+  start=$(date +%s.%N) # after the pip that comes with a new environment
   : > "$log"
   with_progress "$log" share_of_requirements "$VENV_DIR/bin/pip" install --progress-bar off \
     --disable-pip-version-check -r "$list" || { tail -20 "$log" >&2; return 1; }

@@ -574,9 +574,19 @@ def test_existing_output_is_kept_unless_overwritten(form, tmp_path, capfd):
     assert code == 0
     assert export(tmp_path, form)[1] == 1
     assert "exists; --overwrite replaces it" in capfd.readouterr().err and contents(path) == before
-    assert export(tmp_path, form, "--overwrite")[1] == 0
+    assert export(tmp_path, form, "--overwrite", "0")[1] == 1
+    for words in (["--overwrite", "1"], ["--overwrite"], ["--overwrite=1"]):
+        assert export(tmp_path, form, *words)[1] == 0
     assert contents(path) == before
     assert not [other for other in tmp_path.iterdir() if other.name.startswith(".")]
+
+
+def test_results_may_follow_the_option_overwrite(tmp_path):
+    write_results(tmp_path)
+    path, _ = export(tmp_path, "tum")
+    path.write_text("old\n")
+    assert tool.main(["export", "--format", "tum", "--output", str(path), "--overwrite", str(tmp_path)]) == 0
+    assert path.read_text() != "old\n"
 
 
 def contents(path):

@@ -75,6 +75,11 @@ def test_long_steps_of_setup_show_how_far_they_are(tmp_path):
     assert lines[-1] == "setup.sh: building everything: 3 of 12 steps, 25 %"
 
 
+def test_share_is_at_most_everything():
+    script = "source scripts/environment.sh; source scripts/apt.sh; share unpacking 122 121 packages"
+    assert run("bash", "-c", script, cwd=PROJECT_PATH) == "unpacking: 121 of 121 packages, 100 %\n"
+
+
 def test_wheel_holds_every_file_of_the_package(tmp_path):
     """Builds the wheel without its extension module, because the rules that choose its files are the same."""
     settings = ["wheel.cmake=false", "wheel.py-api=", f"build-dir={tmp_path / 'build'}"]
@@ -286,6 +291,7 @@ def test_completion_knows_the_tool(complete):
     assert complete("lazyloc", "run", "--poses_format", "metash") == ["metashape"]
     assert complete("lazyloc", "run", "--epoch", "") == ["new", "both"]
     assert complete("lazyloc", "import", "metash") == ["metashape"]
+    assert {"auto", "exif", "panoramas", "tum", "7scenes"} < set(complete("lazyloc", "import", ""))
     assert complete("lazyloc", "export", "--format", "kit") == ["kitti"]
 
 

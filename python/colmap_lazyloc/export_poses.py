@@ -27,6 +27,8 @@ from colmap_lazyloc.report.output import replacing
 from colmap_lazyloc.result_fields import ResultFields
 from colmap_lazyloc.results import MODEL, RESULTS, find_results, pose_of, read_fields_of_view, read_results
 
+OVERWRITE = "--overwrite"
+
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     forms = written_formats()
@@ -64,8 +66,28 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="for transforms: dataparser_transforms.json of a nerfstudio training, or transforms.json of its data; "
         "the poses are written in the coordinates of this training or of this data",
     )
-    add("--overwrite", action="store_true", help="replace PATH if it exists")
-    return parser.parse_args(arguments)
+    add(
+        OVERWRITE,
+        nargs="?",
+        type=int,
+        choices=(0, 1),
+        const=1,
+        default=0,
+        help="replace PATH if it exists; default: 0",
+    )
+    return parser.parse_args(_with_values(sys.argv[1:] if arguments is None else arguments))
+
+
+def _with_values(words: Sequence[str]) -> list[str]:
+    """Returns the words of a command line, in which --overwrite has a value. Users may leave it out, but then argparse
+    would take RESULTS for it."""
+    joined: list[str] = []
+    for word in words:
+        if word in ("0", "1") and joined and joined[-1] == f"{OVERWRITE}=1":
+            joined[-1] = f"{OVERWRITE}={word}"
+        else:
+            joined.append(f"{OVERWRITE}=1" if word == OVERWRITE else word)
+    return joined
 
 
 def read_localized(folder: pathlib.Path, with_database: bool = False) -> PosedImages:
