@@ -1,28 +1,35 @@
-"""Metres for photos without poses: by their GPS, or by a distance between two cameras."""
+"""Metres for photos without poses: by their GPS, or by a distance between two cameras or two points."""
 
 import re
 
 import numpy as np
 import PIL.Image
+import PIL.ImageOps
 import pytest
 
 import photo_scene
 from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.demo import survey
 from colmap_lazyloc.demo.scene import build_scene, write_images
-from colmap_lazyloc.model import Camera, Image, read_model, write_model
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import POINT2D, Camera, Image, Model, read_model, write_model
+from colmap_lazyloc.points import Points
+from colmap_lazyloc.pose_formats.control_points import Mark
 from colmap_lazyloc.pose_formats.exif_gps import GpsPosition, in_local_frame, read_photos
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.poses import Pose, look_at, read_poses
 from colmap_lazyloc.project.alignment import NotAlignedError, align_to_positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
+from colmap_lazyloc.project.distance import MARK_STDDEV_PX, End, locate
 from colmap_lazyloc.project.folder import Folder
+from colmap_lazyloc.project.photos import ORIENTATION, stored_pixel
 from colmap_lazyloc.pycolmap_types import image_from_cam
 from colmap_lazyloc.results import read_geodetic
 from report_pages import ReportPage
 
 ORIGIN = survey.ORIGIN
 GPS_NOISE_M, OUTLIER_M = 0.5, 40.0
+MODEL_ERROR = 0.025  # of the mapper's model of the courtyard: its focal lengths are 1.4 % too long
 XMP = (
     b'http://ns.adobe.com/xap/1.0/\0<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description drone-dji:RtkStdLon="%.4f"'
     b' drone-dji:RtkStdLat="%.4f"><drone-dji:RtkStdHgt>%.4f</drone-dji:RtkStdHgt></rdf:Description></x:xmpmeta>'
@@ -192,10 +199,123 @@ def test_run_by_a_distance(courtyard, photos, capsys):
     output = courtyard("--scale", "0.png", "5.png", f"{metres}")
     printed = capsys.readouterr()
     assert "mapping" not in printed.err, "only the scale is new"
-    assert "scaled by the distance between database/0.png and database/5.png," in printed.err and "x (m)" in printed.out
+    assert "scaled by the distance between 0.png and 5.png," in printed.err and "x (m)" in printed.out
     found = {name: pose.cam_in_world for name, pose in read_poses(output / "localized" / "poses.txt").items()}
     true, measured = (np.linalg.norm(places["query/0.png"] - places["query/1.png"]) for places in (centres, found))
     assert measured == pytest.approx(true, rel=0.01)
+
+
+def test_run_by_marked_points(courtyard, photos, capsys):
+    """The points are on the north wall and on its bay."""
+    camera, points = photo_scene.CAMERA, np.array([[-1.0, 6.0, 3.5], [2.2, 4.0, 3.0]])
+    marks = {
+        name: [
+            f"{name}.png:{x:.0f},{y:.0f}"
+            for x, y in image_from_cam(camera, photos.poses[f"database/{name}.png"](points))
+        ]
+        for name in "0235"
+    }
+    courtyard()
+    metres, stddevs = np.linalg.norm(points[1] - points[0]), []
+    for ends in (marks["2"], map("+".join, zip(marks["0"], marks["2"], marks["5"])), (marks["2"][0], marks["3"][1])):
+        capsys.readouterr()
+        output = courtyard("--scale", *ends, f"{metres}m")
+        printed = capsys.readouterr()
+        assert "mapping" not in printed.err and "x (m)" in printed.out
+        stddev = re.search(r"standard deviation (\S+) m \((\S+) %\) from the marks", printed.err)
+        stddevs.append(float(stddev[2]) / 100)
+        assert float(stddev[1]) == pytest.approx(metres * stddevs[-1], rel=0.1)
+        found = {name: pose.cam_in_world for name, pose in read_poses(output / "localized" / "poses.txt").items()}
+        true = np.linalg.norm(photos.poses["query/0.png"].cam_in_world - photos.poses["query/1.png"].cam_in_world)
+        error = abs(np.linalg.norm(found["query/0.png"] - found["query/1.png"]) / true - 1)
+        assert error < 3 * stddevs[-1] + MODEL_ERROR
+    assert stddevs[1] < stddevs[0] < 0.05, "more marks are more accurate"
+    courtyard("--scale", marks["2"][0], "2.png:38,331", "4.2", exit_code=1)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "--scale" in line]
+    assert (
+        "--scale 2.png:38,331: the depth is unknown, because the " in line
+        and "mark the point in a second photo" in line
+    )
+
+
+class Table:
+    """A model of two photos of a table's top in front of a floor."""
+
+    CAMERA = Camera("PINHOLE", 640, 480, (500.0, 500.0, 320.0, 240.0))
+    CORNER = (1.0, 0.0, 4.2)
+
+    def __init__(self):
+        grid = np.linspace(-0.9, 1.0, 20)
+        top = [(x, y, 4 + 0.2 * x) for x in grid for y in grid[4:-4]]
+        floor = [(2 * x, 2 * y, 8.0) for x in grid + 2.05 for y in grid[4:-4]]
+        self.points = Points(np.arange(len(top) + len(floor)), np.array(top + floor))
+        self.poses = {name: Pose(np.eye(4)[0], np.array([-x, 0, 0])) for name, x in (("a", -0.4), ("b", 0.6))}
+        images = {}
+        for number, (name, pose) in enumerate(self.poses.items()):
+            keypoints = np.zeros(len(self.points), POINT2D)
+            keypoints["x"], keypoints["y"] = image_from_cam(self.CAMERA, pose(self.points.xyz)).T
+            keypoints["point3d_id"] = self.points.ids
+            images[name] = Image(name, 1, pose, number, keypoints)
+        self.model = Model({1: self.CAMERA}, images)
+
+    def locate(self, place, names, shift_px=(0, 0)):
+        """Finds a place that is marked in photos; `shift_px`: the error of the last mark."""
+        pixels = [image_from_cam(self.CAMERA, self.poses[name](np.array([place], float)))[0] for name in names]
+        pixels[-1] = pixels[-1] + shift_px
+        marks = tuple(Mark(name, "table", tuple(pixel)) for name, pixel in zip(names, pixels))
+        return locate(End("table", marks=marks), self.model, self.points)
+
+
+def test_mark_in_one_photo_is_on_the_surface_around_it():
+    table, top = Table(), (0.33, 0.21, 4 + 0.2 * 0.33)
+    found = table.locate(top, "a")
+    assert np.allclose(found.xyz, top, atol=1e-6)
+    across = np.sqrt(np.diag(found.covariance)[:2])
+    assert np.allclose(across, MARK_STDDEV_PX * top[2] / 500, rtol=0.1)
+    assert np.trace(table.locate(top, "ab").covariance) < np.trace(found.covariance)
+
+
+@pytest.mark.parametrize(
+    ("place", "names", "shift_px", "message"),
+    [
+        (Table.CORNER, "a", (0, 0), "are at different depths: mark the point in a second photo, too"),
+        ((-2, -1.5, 4), "a", (0, 0), "the model has 0 points within 64 pixels of the mark, and 12 are needed"),
+        ((-1.8, -1.5, 4), "ab", (0, 120), "the rays of these marks do not meet or are almost parallel"),
+    ],
+)
+def test_mark_without_a_depth_is_refused(place, names, shift_px, message):
+    with pytest.raises(InputError, match=f"^--scale table: .*{message}"):
+        Table().locate(place, names, shift_px)
+
+
+def test_corner_that_is_marked_in_two_photos_is_not_on_the_floor():
+    found = Table().locate(Table.CORNER, "ab")
+    stddev = np.sqrt(found.covariance[2, 2])
+    assert abs(found.xyz[2] - Table.CORNER[2]) < stddev < 0.1
+
+
+def test_marks_that_contradict_each_other_are_uncertain():
+    table, top = Table(), (0.33, 0.21, 4 + 0.2 * 0.33)
+    good, bad = (table.locate(top, "ab", (0, error_px)).covariance[2, 2] for error_px in (1, 30))
+    assert bad > 4 * good
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_marks_are_in_the_photo_as_viewers_show_it(tmp_path, orientation):
+    """The project turns only mirror images upright."""
+    stored = np.zeros((6, 9), np.uint8)
+    stored[1, 7] = 255
+    exif = PIL.Image.Exif()
+    exif[ORIENTATION] = orientation
+    PIL.Image.fromarray(stored).save(tmp_path / "a.png", exif=exif)
+    with PIL.Image.open(tmp_path / "a.png") as photo:
+        shown = np.array(PIL.ImageOps.exif_transpose(photo))
+    ((row, column),) = np.argwhere(shown)
+    pixel = stored_pixel("--scale", tmp_path / "a.png", column + 0.5, row + 0.5)
+    assert pixel == ((column + 0.5, row + 0.5) if orientation in (2, 4, 5, 7) else (7.5, 1.5))
+    height, width = shown.shape
+    with pytest.raises(InputError, match=f"--scale: is outside of the photo, which has {width} x {height} pixels"):
+        stored_pixel("--scale", tmp_path / "a.png", width + 1, 1)
 
 
 def write_control_points(folder, photos, places):
@@ -272,7 +392,14 @@ def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys)
         (["--poses", "PHOTOS", "--poses_format", "exif"], "images/database: has no photo with GPS"),
         (["--poses", "PHOTOS/0.png", "--poses_format", "exif"], "0.png: is not a folder of photos"),
         (["--scale", "0.png", "55.png", "2"], "--scale 55.png: is not in --database_images; the nearest is 5.png"),
-        (["--scale", "0.png", "0.png", "2"], "expected two different photos"),
+        (["--scale", "0.png", "0.png", "2"], "expected two different photos or points"),
+        (["--scale", "0.png:9,8", "0.png:9,8", "2"], "expected two different photos or points"),
+        (["--scale", "0.png:9,8", "5.png:500,8", "2"], "--scale 5.png:500,8: is outside of the photo, which has 480 x"),
+        (["--scale", "0.png:9,8+1.png:9,-8", "5.png", "2"], "--scale 1.png:9,-8: is outside of the photo"),
+        (["--scale", "0.png", "55.png:9,8", "2"], "--scale 55.png: is not in --database_images; the nearest is 5.png"),
+        (["--scale", "0.png", "5.png:9", "2"], "--scale 5.png:9: expected PHOTO, PHOTO:x,y, or a point in several"),
+        (["--scale", "0.png", "5.png:9,8+4.png", "2"], "--scale 5.png:9,8+4.png: expected PHOTO, PHOTO:x,y, or"),
+        (["--scale", "0.png", "5.png:9,8+5.png:9,9", "2"], "marks the point twice in 5.png"),
         (["--scale", "0.png", "5.png", "-2"], "--scale: expected a distance in metres, found '-2'"),
         (["--scale", "0.png", "5.png", "far"], "--scale: expected a distance in metres, found 'far'"),
         (["--scale", "0.png", "5.png", "2", "--poses", "MODEL"], "--scale has no effect with --poses"),

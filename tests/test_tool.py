@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 
+import PIL.Image
 import pytest
 
 from colmap_lazyloc import __main__ as tool
@@ -107,10 +108,13 @@ def test_missing_extra_is_one_line(words, missing, extra, tmp_path):
         assert done.stderr.count("\n") == 1 and f"pip install 'colmap-lazyloc[{extra}]'" in done.stderr, done.stderr
 
 
-def test_package_for_control_points_is_missed_before_any_work(tmp_path):
-    words = f"--database_images {tmp_path} --queries {tmp_path} --output {tmp_path}/o --control_points points.csv"
+@pytest.mark.parametrize("words", ["--control_points points.csv", "--scale a.png:1,1 a.png:5,5 2"])
+def test_package_for_marked_points_is_missed_before_any_work(tmp_path, words):
+    PIL.Image.new("L", (8, 8)).save(tmp_path / "a.png")
+    words = f"--database_images {tmp_path} --queries {tmp_path} --output {tmp_path}/o {words}"
     done = run_tool("run", *words.split(), missing=["pycolmap"])
     assert done.returncode == 1 and "pip install 'colmap-lazyloc[control_points]'" in done.stderr, done.stderr
+    assert not (tmp_path / "o").exists()
 
 
 @pytest.mark.parametrize("module", ["hloc", "hloc_to_database"])

@@ -28,7 +28,7 @@ EXTRAS = {
     "report": Extra("lazyloc report: photos, progress", {**OPENCV, **TQDM}),
     "plots": Extra("lazyloc report --plots", {"matplotlib": "matplotlib"}),
     "control_points": Extra(
-        "lazyloc control_points, lazyloc run --control_points",
+        "lazyloc control_points, lazyloc run --control_points, marked points of --scale",
         {"pycolmap": "pycolmap", "pyproj": "pyproj", "scipy": "scipy"},
     ),
     "changes": Extra("lazyloc changes", {"pycolmap": "pycolmap", "scipy": "scipy"}),

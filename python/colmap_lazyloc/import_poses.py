@@ -2,13 +2,12 @@
 
     lazyloc import FORMAT FILE --output_path MODEL --image_path photos
 
-FORMAT is one of the following; `auto` recognizes FILE by its content.
+FORMAT is one of the following:
 
 FORMATS
 
-Two other values of FORMAT do not make a model of poses. With `exif`, FILE is a folder of photos. Their GPS positions
-are written to a text file for `colmap lazy_localizer --query_position_path`. With `panoramas`, FILE is a folder of
-equirectangular photos. They are cut into perspective images, and rig.json and queries.txt are written.
+`exif` writes a text file for `colmap lazy_localizer --query_position_path`. `panoramas` writes a folder of images with
+rig.json and queries.txt.
 
 Geographic coordinates are converted to a local frame in metres: x east, y north, z up. The file geo.json beside the
 model contains the origin of this frame.
@@ -118,14 +117,17 @@ def make_source(path: pathlib.Path, image_path: pathlib.Path | None, options: ar
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    rows = "".join(f"  {name:<15} {form.title}\n" for name, form in FORMATS.items())
+    titles = {AUTO: "recognized from the content of FILE", **{name: form.title for name, form in FORMATS.items()}}
+    titles[EXIF] = "a folder of photos, whose GPS positions are written"
+    titles[PANORAMAS] = "a folder of equirectangular photos, which are cut into perspective images"
+    rows = "".join(f"  {name:<15} {title}\n" for name, title in titles.items())
     parser = Parser(
         prog="lazyloc import",
         description=(__doc__ or "").replace("FORMATS\n", rows),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("format", metavar="FORMAT", choices=[AUTO, *FORMATS, EXIF, PANORAMAS], help="format of FILE")
+    add("format", metavar="FORMAT", choices=list(titles), help="format of FILE")
     add(
         "file",
         metavar="FILE",

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 
 from colmap_lazyloc import __version__
 from colmap_lazyloc.agreement.check import check_photos
-from colmap_lazyloc.errors import InputError, command, logger, nearest
+from colmap_lazyloc.errors import InputError, command, logger
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import make_source
 from colmap_lazyloc.model import Camera, read_model
@@ -30,8 +30,9 @@ from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Positi
 from colmap_lazyloc.pose_formats.positions import read_positions
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
-from colmap_lazyloc.project.alignment import Distance, check_marks
+from colmap_lazyloc.project.alignment import check_marks
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
+from colmap_lazyloc.project.distance import Distance, read_distance
 from colmap_lazyloc.project.epoch import Survey, adjust_epoch
 from colmap_lazyloc.project.folder import DATABASE, MATCHES, QUERY, RECORD, Folder, Steps, content, fingerprint
 from colmap_lazyloc.project.frames import is_video, write_frames
@@ -152,19 +153,12 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _find_database(options: argparse.Namespace, folder: pathlib.Path) -> dict[str, pathlib.Path]:
-    """Returns the paths of the database images by name; checks that --scale names two of them, and
-    that --control_points has enough marks in them."""
+    """Returns the paths of the database images by name; reads --scale as `options.distance`, and checks that
+    --control_points has enough marks in them."""
     photos = find_photos(folder, _excluded(options))
     if options.surveyed is not None and options.poses is None and options.positions is None:
         check_marks(options.surveyed, photos, folder)
-    if options.scale is None:
-        return photos
-    first, second, _ = options.scale
-    for name in (first, second):
-        if name not in photos:
-            raise InputError(f"--scale {name}: is not in --database_images{nearest(name, photos)}")
-    if first == second:
-        raise InputError(f"--scale {first} {second}: expected two different photos")
+    options.distance = None if options.scale is None else read_distance(options.scale, photos)
     return photos
 
 
@@ -255,9 +249,9 @@ def _use_poses(options: argparse.Namespace, database: Images, posed: PosedImages
 
 def _known_lengths(options: argparse.Namespace, database: Images, positions: Positions | None) -> steps.Known | None:
     """Returns what gives the mapper's model metres: --scale, control points, or positions by the names of the links."""
-    if options.scale is not None:
-        first, second, metres = options.scale
-        return Distance(database.linked[first], database.linked[second], float(metres))
+    if options.distance is not None:
+        distance: Distance = options.distance
+        return distance.renamed(database.linked)
     if options.surveyed is not None and options.poses is None and positions is None:
         surveyed: ControlPoints = options.surveyed
         return surveyed

@@ -1,5 +1,4 @@
-"""Gives a model of COLMAP's mapper metres: by positions of its photos, such as GPS, by control points, or by the
-distance between two cameras."""
+"""Gives a model of COLMAP's mapper metres by positions of its photos, such as GPS, or by control points."""
 
 import dataclasses
 import pathlib
@@ -26,15 +25,6 @@ MIN_STDDEV_M = 1.0  # of GPS without a stated accuracy
 SIMILAR = 0.8  # ratio of tolerances between which there is no need to align again
 MAX_NUM_PASSES = 9  # up to 128 m, or 5 m for RTK
 MAX_ROTATION_STDDEV_DEG = 10.0
-
-
-@dataclasses.dataclass(frozen=True)
-class Distance:
-    """A known distance between the cameras of two photos: --scale."""
-
-    first: str  # names of images
-    second: str
-    metres: float
 
 
 class NotAlignedError(Exception):
@@ -165,7 +155,7 @@ def align_to_points(
             logger.warning("control point '%s' is left out, because it is off by %.2g m", point, error)
     quaternion = np.roll(similarity.rotation.quat, 1)
     numbers = np.concatenate([[similarity.scale], quaternion, similarity.translation])
-    _transform(folder, runner, colmap, source, numbers.tolist())
+    transform(folder, runner, colmap, source, numbers.tolist())
     if origin is not None:
         origin.write(folder.model)
     return fit.text(f"{len(places)} control points")
@@ -213,23 +203,7 @@ def _measure(centres: Array, targets: Array, tolerance: float, stddev: float | N
         return Fit(errors, tolerance, float(np.degrees(np.divide(deviation, np.hypot(second, third)))))
 
 
-def scale_to_distance(
-    folder: Folder, runner: ColmapRunner, colmap: pathlib.Path, source: pathlib.Path, distance: Distance
-) -> str:
-    """Writes the model `source` as that of the project, scaled to metres; returns what was done."""
-    poses = poses_of(read_model(source))
-    for name in (distance.first, distance.second):
-        if name not in poses:
-            raise InputError(f"--scale: COLMAP's mapper has found no pose of {name}: choose another photo")
-    first, second = (poses[name].cam_in_world for name in (distance.first, distance.second))
-    length = float(np.linalg.norm(second - first))
-    if length == 0:
-        raise InputError(f"--scale: {distance.first} and {distance.second} are at the same place")
-    _transform(folder, runner, colmap, source, [distance.metres / length, 1, 0, 0, 0, 0, 0, 0])
-    return f"scaled by the distance between {distance.first} and {distance.second}, {distance.metres:g} m"
-
-
-def _transform(
+def transform(
     folder: Folder, runner: ColmapRunner, colmap: pathlib.Path, source: pathlib.Path, similarity: Iterable[float]
 ) -> None:
     """Writes the model `source` as that of the project, transformed: scale, quaternion w x y z, translation."""

@@ -84,8 +84,10 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         "--scale",
         nargs=3,
         metavar=("A", "B", "METRES"),
-        help="two database images and the distance in metres between their cameras, for example --scale a.jpg b.jpg "
-        "4.2; gives results in metres without GPS and without --poses",
+        help="known distance in metres, for results in metres without GPS and without --poses. A and B are points that "
+        "you see in database images (PHOTO:x,y in pixels, for example --scale a.jpg:310,250 a.jpg:1480,262 1.6), or the "
+        "cameras of database images (--scale a.jpg b.jpg 4.2). A point is more accurate if you mark it in several "
+        "photos: a.jpg:310,250+b.jpg:420,248",
     )
     of_poses(
         "--control_points",
@@ -298,9 +300,12 @@ def _check_metres(options: argparse.Namespace) -> None:
     for name in ("control_points", "epoch"):
         if options.use_control_points is not None and getattr(options, name) is None:
             raise InputError(f"--use_control_points needs --{name}")
-    if options.control_points is not None:
+    if options.control_points is not None or (
+        options.scale is not None and any(":" in end for end in options.scale[:2])
+    ):
         for module in ("pycolmap", "scipy"):
             importlib.import_module(module)  # so that it is missed before any work
+    if options.control_points is not None:
         given = next((name for name in ("poses", "positions", "scale") if getattr(options, name) is not None), None)
         if given is not None and (options.use_control_points is None or given == "scale"):
             name = "poses" if given == "positions" else given

@@ -27,6 +27,7 @@ JPEG_QUALITY = 95  # of converted photos
 REFUSED = ".refused"  # ending of the mark of a photo that could not be converted
 PHONE_FORMATS = ("AVIF", "HEIF")  # Pillow's names
 ORIENTATION, MIRRORED = 0x0112, (2, 4, 5, 7)  # tag of EXIF, and its values for mirror images
+SIDEWAYS = (5, 6, 7, 8)  # its values for photos that are shown with width and height exchanged
 MAX_NUM_NAMED = 5  # of photos that are left out
 
 
@@ -136,6 +137,23 @@ def _convert(path: pathlib.Path, target: pathlib.Path) -> None:
     staged = target.with_suffix(".tmp")
     pixels.save(staged, "JPEG", quality=JPEG_QUALITY, subsampling=0, exif=exif)
     staged.replace(target)
+
+
+def stored_pixel(what: str, path: pathlib.Path, x: float, y: float) -> tuple[float, float]:
+    """Returns where the project's image of a photo has the pixel that a viewer of photos shows at x, y. Viewers turn
+    photos upright; the project does so only with mirror images. `what` begins the message if there is no such pixel."""
+    try:
+        with open_photo(path) as photo:
+            (width, height), orientation = photo.size, photo.getexif().get(ORIENTATION)
+    except ImportError:
+        raise
+    except Exception:  # each decoder raises others for damaged files
+        raise InputError(f"{what}: {path} is not a photo that can be read") from None
+    shown = (height, width) if orientation in SIDEWAYS else (width, height)
+    if not (0 <= x <= shown[0] and 0 <= y <= shown[1]):
+        raise InputError(f"{what}: is outside of the photo, which has {shown[0]} x {shown[1]} pixels")
+    turned = {3: (width - x, height - y), 6: (y, height - x), 8: (width - y, x)}
+    return turned.get(orientation or 0, (x, y))
 
 
 def safe_names(names: Iterable[str]) -> dict[str, str]:
