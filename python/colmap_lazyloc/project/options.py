@@ -85,9 +85,9 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         nargs=3,
         metavar=("A", "B", "METRES"),
         help="known distance in metres, for results in metres without GPS and without --poses. A and B are points that "
-        "you see in database images (PHOTO:x,y in pixels, for example --scale a.jpg:310,250 a.jpg:1480,262 1.6), or the "
-        "cameras of database images (--scale a.jpg b.jpg 4.2). A point is more accurate if you mark it in several "
-        "photos: a.jpg:310,250+b.jpg:420,248",
+        "you see in database images (PHOTO:x,y in pixels, for example --scale a.jpg:310,250 a.jpg:1480,262 1.6), or "
+        "the cameras of database images (--scale a.jpg b.jpg 4.2). A point is more accurate if you mark it in "
+        "several photos: a.jpg:310,250+b.jpg:420,248",
     )
     of_poses(
         "--control_points",
