@@ -221,9 +221,9 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--query_list_path",
         type=pathlib.Path,
         help="file with the queries to evaluate, one per line: `name` or `name MODEL width height params...`; "
-        "default: all names in the ground-truth file. If the ground truth is a model, the default is its images that "
-        "were queries of the run (results.jsonl beside the estimated poses). Without results.jsonl, it is all images "
-        "with an estimated pose",
+        "default: all names in the ground-truth file. If the ground truth is a model, the default is all queries of "
+        "the run (from results.jsonl beside the estimated poses) that are in the model; without results.jsonl, the "
+        "default is all images with an estimated pose",
     )
     parser.add_argument(
         "--thresholds",

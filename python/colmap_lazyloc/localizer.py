@@ -197,8 +197,8 @@ class Localizer:
     ) -> Iterator[Result]:
         """Localizes many queries on several threads, and returns a generator of results in order of completion.
 
-        `queries`: an iterable of names from the property `queries`, of `Photo` and of `Matches`; default: all names in
-        the property.
+        `queries`: an iterable of queries. A query is a name from the property `queries`, a `Photo` or a `Matches`;
+        default: all names in the property.
         `num_threads`: number of threads; -1 means all cores; default: the property `num_threads`.
         `progress`: True shows a progress bar (tqdm) on the standard error output.
 

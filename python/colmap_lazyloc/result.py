@@ -35,7 +35,7 @@ class RunnerUp:
 
 
 class Result:
-    """The result for a query: a status, and a pose if the images determine one.
+    """The result for a query: a status, and a pose if the images determine the pose.
 
     Poses are cam_from_world, x_cam = R x_world + t, in COLMAP's camera frame (x right, y down, z forward). Lengths are
     in the model's unit. As in COLMAP, the centre of the upper-left pixel is (0.5, 0.5).
@@ -162,7 +162,8 @@ class Result:
     @property
     def top_heading_deg(self) -> float | None:
         """Returns the compass direction in which the upper edge of the photo points, seen from above: 0 is north, 90 is
-        east; None unless LOCALIZED. If a drone's camera looks down, this is usually the heading of the drone."""
+        east; None unless LOCALIZED. If a drone's camera looks down,
+        top_heading_deg is usually the heading of the drone."""
         return self._fields["top_heading_deg"]
 
     @property

@@ -50,9 +50,9 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--ground_truth",
         type=pathlib.Path,
-        help="true poses of the queries: a poses file, or the folder of a COLMAP model. They must be in the "
-        "coordinates of the database, because they are not aligned; default: none; after a leave-one-out run, the "
-        "input model",
+        help="true poses of the queries: a poses file, or the folder of a COLMAP model. The true poses must "
+        "be in the coordinates of the database, because the command does not align them; default: none; after a "
+        "leave-one-out run, the input model",
     )
     parser.add_argument(
         "--split",
@@ -82,7 +82,7 @@ def _add_bounds(parser: argparse.ArgumentParser) -> None:
         type=_count,
         default=80,
         help="maximum number of queries that are shown with their photo and matches, each with up to three database "
-        "images. Three quarters of these queries are the least certain ones, and one quarter is drawn at random; "
+        "images. Three quarters of these queries have the lowest confidence, and one quarter are random queries; "
         "default: %(default)s",
     )
     parser.add_argument(
