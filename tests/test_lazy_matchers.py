@@ -108,6 +108,19 @@ def test_guided_matching(colmap, database, tmp_path):
     assert sum(map(len, more.values())) > sum(map(len, plain.values()))
 
 
+def test_same_geometries_with_any_number_of_threads(colmap, database, tmp_path):
+    """Not so with COLMAP's matchers: a thread's random numbers go on from pair to pair."""
+    name = find_option(colmap, "exhaustive_matcher", r"\w+Matching\.num_threads", "of threads")
+    geometries = []
+    for num_threads in (1, 2, 4):
+        path = tmp_path / f"{num_threads}.db"
+        shutil.copy(database, path)
+        match(colmap, path, "lazy_exhaustive_matcher", name, num_threads)
+        geometries.append(read_all(path, "SELECT * FROM two_view_geometries ORDER BY pair_id"))
+    assert len(geometries[0]) == 15
+    assert geometries[1] == geometries[0] and geometries[2] == geometries[0]
+
+
 @pytest.mark.parametrize("value", [0, 1])
 def test_the_gpu_can_be_named(colmap, database, value):
     """Without a GPU, COLMAP refuses it, as in its own command."""

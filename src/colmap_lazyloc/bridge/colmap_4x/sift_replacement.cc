@@ -3,9 +3,12 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
+#include <colmap/estimators/two_view_geometry.h>
 #include <colmap/feature/extractor.h>
 #include <colmap/feature/matcher.h>
+#include <colmap/math/random.h>
 
 #include "colmap_lazyloc/bridge/sift.h"
 
@@ -64,6 +67,14 @@ Extractor CreateExtractorByColmap(const ExtractionOptions& options) __asm__("__r
 Extractor CreateExtractor(const ExtractionOptions& options) __asm__("__wrap_" LAZYLOC_CREATE_SIFT_EXTRACTOR);
 Matcher CreateMatcherByColmap(const MatchingOptions& options) __asm__("__real_" LAZYLOC_CREATE_SIFT_MATCHER);
 Matcher CreateMatcher(const MatchingOptions& options) __asm__("__wrap_" LAZYLOC_CREATE_SIFT_MATCHER);
+using Points = std::vector<Eigen::Vector2d>;
+colmap::TwoViewGeometry VerifyByColmap(const colmap::Camera& camera1, const Points& points1,
+                                       const colmap::Camera& camera2, const Points& points2,
+                                       colmap::FeatureMatches matches,
+                                       const colmap::TwoViewGeometryOptions& options) __asm__("__real_" LAZYLOC_VERIFY);
+colmap::TwoViewGeometry Verify(const colmap::Camera& camera1, const Points& points1, const colmap::Camera& camera2,
+                               const Points& points2, colmap::FeatureMatches matches,
+                               const colmap::TwoViewGeometryOptions& options) __asm__("__wrap_" LAZYLOC_VERIFY);
 
 Extractor CreateExtractor(const ExtractionOptions& options) {
   const auto plain = match_descriptors && !options.use_gpu ? PlainSiftOptions(*options.sift) : std::nullopt;
@@ -78,6 +89,14 @@ Matcher CreateMatcher(const MatchingOptions& options) {
   Matcher colmaps = CreateMatcherByColmap(options);
   if (!match_descriptors || options.use_gpu || !is_plain) return colmaps;
   return std::make_unique<PlainSiftMatcher>(std::move(colmaps));
+}
+
+// COLMAP seeds a thread once, so that the result for a pair depends on the pairs that its thread has verified before.
+colmap::TwoViewGeometry Verify(const colmap::Camera& camera1, const Points& points1, const colmap::Camera& camera2,
+                               const Points& points2, colmap::FeatureMatches matches,
+                               const colmap::TwoViewGeometryOptions& options) {
+  if (match_descriptors) colmap::SetPRNGSeed();
+  return VerifyByColmap(camera1, points1, camera2, points2, std::move(matches), options);
 }
 #endif
 
