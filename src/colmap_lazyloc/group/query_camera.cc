@@ -42,9 +42,7 @@ double QueryCamera::Correct(BundleAdjustmentResult* adjustment) {
   const IntrinsicsScore& score = adjustment->intrinsics_scores.front();
   const OtherCorrections made = Corrections();
   const OtherCorrections change =
-      UncalibratedCorrections(score, kCommonErrorFactor * score.information, made, camera_, problem_->intrinsics_origin)
-          .mean -
-      made;
+      UncalibratedCorrections(score, score.common_error_factor, made, camera_, problem_->intrinsics_origin).mean - made;
   IntrinsicsCorrections with_focal_length;
   with_focal_length << 0, change;
   camera_ = Corrected(camera_, with_focal_length);

@@ -96,9 +96,8 @@ Eigen::Vector2d PxPerRadialCoefficient(const Camera& camera) {
 
 }  // namespace
 
-IntrinsicsInformation InformationOf(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance) {
-  const Eigen::LDLT<IntrinsicsScore::Matrix> covariance(score_covariance);
-  return {score.information * covariance.solve(score.information), score.information * covariance.solve(score.score)};
+IntrinsicsInformation InformationOf(const IntrinsicsScore& score, double variance_factor) {
+  return {score.information / variance_factor, score.score / variance_factor};
 }
 
 IntrinsicsDistribution JointCorrections(const IntrinsicsInformation& information, const Camera& camera,
@@ -137,19 +136,16 @@ double CornerDisplacementPx(const IntrinsicsCorrections& corrections, const Came
   return corrections.cwiseProduct(px_from_correction).cwiseAbs().sum();
 }
 
-CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score,
-                                               const IntrinsicsScore::Matrix& score_covariance,
+CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score, double variance_factor,
                                                const OtherCorrections& made, const Camera& camera,
                                                IntrinsicsOrigin origin) {
   if (IsCalibrated(origin)) return {};
   const OtherCovariance inverse =
       score.information.bottomRightCorner<kNumOtherCorrections, kNumOtherCorrections>().inverse();
   const OtherCorrections suggested = made + inverse * score.score.tail<kNumOtherCorrections>();
-  const OtherCovariance covariance =
-      inverse * score_covariance.bottomRightCorner<kNumOtherCorrections, kNumOtherCorrections>() * inverse;
   std::vector<Case<CorrectionDistribution>> cases;
   for (const OtherCorrections& stddevs : StddevsByCase(camera, origin)) {
-    cases.push_back(Update(stddevs, suggested, covariance));
+    cases.push_back(Update(stddevs, suggested, variance_factor * inverse));
   }
   return Mix(cases);
 }

@@ -12,10 +12,6 @@ inline constexpr int kNumOtherCorrections = NUM_INTRINSICS_PARAMETERS - 1;
 using OtherCorrections = Eigen::Matrix<double, kNumOtherCorrections, 1>;
 using OtherCovariance = Eigen::Matrix<double, kNumOtherCorrections, kNumOtherCorrections>;
 
-// Factor on the variances of a score, because errors common to all database images, as of rolling shutters, pretend
-// other intrinsics without making the images disagree.
-inline constexpr double kCommonErrorFactor = 4;
-
 // Corrections of a camera that nobody has calibrated.
 struct CorrectionDistribution {
   OtherCorrections mean = OtherCorrections::Zero();
@@ -28,8 +24,9 @@ struct IntrinsicsInformation {
   IntrinsicsCorrections gradient = IntrinsicsCorrections::Zero();
 };
 
-// Returns the information of a score of intrinsics that an adjustment did not estimate, by the score's covariance.
-IntrinsicsInformation InformationOf(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance);
+// Returns the information of a score of intrinsics that an adjustment did not estimate. variance_factor: of the score's
+// covariance over its information.
+IntrinsicsInformation InformationOf(const IntrinsicsScore& score, double variance_factor);
 
 // Corrections of all intrinsics.
 struct IntrinsicsDistribution {
@@ -54,9 +51,8 @@ double CornerDisplacementPx(const IntrinsicsCorrections& corrections, const Came
 // Returns what is known of a camera whose intrinsics nobody has measured. Most cameras have their principal point in
 // the centre of the image and no distortion to speak of, as in a rendered, an undistorted or a reconstructed image, or
 // are off by a usual amount in either; the images weigh these cases. Zero for measured intrinsics. score: of an
-// adjustment, and its covariance; made: the corrections that the adjustment had.
-CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score,
-                                               const IntrinsicsScore::Matrix& score_covariance,
+// adjustment; variance_factor: of its covariance over its information; made: the corrections that the adjustment had.
+CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score, double variance_factor,
                                                const OtherCorrections& made, const Camera& camera,
                                                IntrinsicsOrigin origin);
 

@@ -32,7 +32,7 @@ IntrinsicsScore Suggest(double shift_px, double corner_px, double stddev_px) {
 }
 
 CorrectionDistribution Correct(const IntrinsicsScore& score, IntrinsicsOrigin origin = IntrinsicsOrigin::GUESS) {
-  return UncalibratedCorrections(score, score.information, OtherCorrections::Zero(), PhotoCamera(), origin);
+  return UncalibratedCorrections(score, 1, OtherCorrections::Zero(), PhotoCamera(), origin);
 }
 
 TEST(UncalibratedCorrections, ClearOnesAreTaken) {
@@ -65,7 +65,7 @@ TEST(UncalibratedCorrections, MeasuredIntrinsicsAreKept) {
 
 TEST(JointCorrections, ManyImagesAreAsCertainAsTheSumOfTheirInformation) {
   const IntrinsicsScore score = Suggest(10, -30, 2);
-  const IntrinsicsInformation one = InformationOf(score, score.information);
+  const IntrinsicsInformation one = InformationOf(score, 1);
   IntrinsicsInformation sum;
   for (int i = 0; i < 25; ++i) {
     sum.precision += one.precision;
@@ -81,7 +81,7 @@ TEST(JointCorrections, ManyImagesAreAsCertainAsTheSumOfTheirInformation) {
 TEST(JointCorrections, CamerasWithoutDistortionGetNone) {
   const IntrinsicsScore score = Suggest(0.3, 0.5, 1);
   const IntrinsicsDistribution joint =
-      JointCorrections(InformationOf(score, score.information), PhotoCamera(), IntrinsicsOrigin::GUESS);
+      JointCorrections(InformationOf(score, 1), PhotoCamera(), IntrinsicsOrigin::GUESS);
   EXPECT_LT(std::abs(joint.mean[RADIAL_DISTORTION]), 0.3);
   EXPECT_LT(std::abs(joint.mean[PRINCIPAL_POINT_X]), 0.2);
 }

@@ -29,26 +29,18 @@ constexpr double kMaxStddevOfOneLens = 0.15;
 
 using PoseDerivatives = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 
-// Returns the covariance of a query frame's score, with the variances that the adjustment shows and the errors that
-// images share.
-IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, const IntrinsicsScore& score) {
-  IntrinsicsScore::Matrix covariance = refined.variance_factor * score.information + score.shared_errors;
-  for (const auto& [group, component, variance] : refined.missing_variances) {
-    covariance += variance * score.component_covariances[group][component];
-  }
-  return kCommonErrorFactor * covariance;
-}
-
-IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance) {
+// variance_factor: of the score's covariance over its information.
+IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, double variance_factor) {
   IntrinsicsEstimate estimate;
   constexpr int kSize = kNumTestedIntrinsics;
   const Eigen::Matrix<double, kSize, kSize> inverse = score.information.topLeftCorner<kSize, kSize>().inverse();
   estimate.corrections = inverse * score.score.head<kSize>();
-  estimate.sigmas = estimate.corrections.cwiseAbs().cwiseQuotient(
-      (inverse * score_covariance.topLeftCorner<kSize, kSize>() * inverse).diagonal().cwiseMax(1e-30).cwiseSqrt());
+  estimate.sigmas =
+      estimate.corrections.cwiseAbs().cwiseQuotient((variance_factor * inverse).diagonal().cwiseMax(1e-30).cwiseSqrt());
   const double information = std::max(score.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR), 1e-30);
   estimate.log_focal_factor = score.score[LOG_FOCAL_FACTOR] / information;
-  estimate.log_focal_stddev = std::sqrt(score_covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR)) / information;
+  estimate.log_focal_stddev = std::sqrt(variance_factor / information);
+  estimate.common_error_factor = score.common_error_factor;
   return estimate;
 }
 
@@ -89,22 +81,22 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   checked.posed = RelativeToGivenDatabase(layout, adjusted);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
-    const IntrinsicsScore::Matrix score_covariance = ScoreCovariance(refined, score);
+    const double variance_factor = score.common_error_factor * refined.variance_factor;
     for (const int query : layout.QueriesOf(frame)) {
       const LocalizationProblem& problem = group.images[query].problem;
       IntrinsicsResult& result = checked.results[query];
       result.origin = problem.intrinsics_origin;
       if (!HasFocalLength(problem.query_camera)) continue;  // a spherical camera has no intrinsics to test
-      const IntrinsicsEstimate estimate = EstimateIntrinsics(score, score_covariance);
+      const IntrinsicsEstimate estimate = EstimateIntrinsics(score, variance_factor);
       result.focal_factor = camera ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
       if (camera) checked.cameras[query] = camera->Intrinsics();
-      checked.information[query] = InformationOf(score, score_covariance);
+      checked.information[query] = InformationOf(score, variance_factor);
       PoseDistribution& pose = checked.poses[query];
       const PoseDerivatives derivatives = DerivativesAroundCamera(adjusted, query, score.frame_from_correction);
       // Takes the expected square of the corrections that are left, because the pose is that of those that were made.
       const OtherCorrections made = camera ? camera->Corrections() : OtherCorrections::Zero();
       const CorrectionDistribution others =
-          UncalibratedCorrections(score, score_covariance, made, problem.query_camera, result.origin);
+          UncalibratedCorrections(score, variance_factor, made, problem.query_camera, result.origin);
       const OtherCorrections left = others.mean - made;
       const OtherCovariance mean_square = others.covariance + left * left.transpose();
       const auto by_others = derivatives.rightCols<kNumOtherCorrections>();

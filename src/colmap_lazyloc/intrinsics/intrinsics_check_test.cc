@@ -108,6 +108,21 @@ TEST_P(Distortions, OfAGuessedCameraAreEstimated) {
 
 INSTANTIATE_TEST_SUITE_P(CheckIntrinsics, Distortions, testing::Values(-0.3, -0.1, 0, 0.1));
 
+// Without errors that the points share, the squares of the focal length's errors over its variances have a mean of one.
+TEST(CheckIntrinsics, DeviationsOfAGuessedCameraAreThoseOfItsErrors) {
+  const Camera camera = {0, *CameraModelId("RADIAL"), 1280, 960, {950, 645, 478, -0.1, 0.02}};
+  double sum = 0;
+  const int num_scenes = 30;
+  for (uint32_t seed = 0; seed < num_scenes; ++seed) {
+    const LocalizationResult result = Localize(MakeGuessedScene(camera, seed));
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+    const double stddev = result.intrinsics.focal_factor_stddev / result.intrinsics.focal_factor;
+    sum += std::pow(std::log(MeanFocalLength(result.query_camera) / 950) / stddev, 2);
+  }
+  EXPECT_GT(sum / num_scenes, 0.5);
+  EXPECT_LT(sum / num_scenes, 2);
+}
+
 // A rolling shutter whose camera turns shifts later rows to the side, which no intrinsics explain.
 TEST(CheckIntrinsics, GuessedCameraIsLessCertainIfThePhotoIsSkewed) {
   SyntheticScene scene = MakeGuessedScene({0, *CameraModelId("RADIAL"), 1280, 960, {950, 640, 480, 0, 0}}, 0);

@@ -114,7 +114,7 @@ double JudgeIntrinsics(const Camera& camera, const IntrinsicsEstimate& estimate,
     result->verdict = IntrinsicsVerdict::REFINED;
     result->contradiction = OtherContradiction(camera, result->origin, estimate);
     // Returns what the adjustment does not know of the estimate's error.
-    return (1 - 1 / kCommonErrorFactor) * std::pow(estimate.log_focal_stddev, 2);
+    return (1 - 1 / estimate.common_error_factor) * std::pow(estimate.log_focal_stddev, 2);
   }
   const FocalLengthJudgement focal_length =
       JudgeFocalLength(estimate.log_focal_factor, estimate.log_focal_stddev, result->origin, options);

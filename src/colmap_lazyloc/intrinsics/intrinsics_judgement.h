@@ -17,6 +17,7 @@ struct IntrinsicsEstimate {
   // All together: in their units; over their standard deviations.
   Eigen::Matrix<double, kNumTestedIntrinsics, 1> corrections, sigmas;
   double log_focal_factor = 0, log_focal_stddev = 0;
+  double common_error_factor = 1;  // in the variances
 };
 
 // What a given focal length and an estimate by the images say together.

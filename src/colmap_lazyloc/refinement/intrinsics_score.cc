@@ -6,11 +6,11 @@
 #include <utility>
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 
 #include "colmap_lazyloc/math/cluster_covariance.h"
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 #include "colmap_lazyloc/refinement/covariance.h"
-#include "colmap_lazyloc/refinement/prior_precision.h"
 
 namespace lazyloc {
 namespace {
@@ -23,12 +23,9 @@ constexpr double kRegularization = 1e-9;
 // displacements in two coordinates.
 constexpr int kNumClusterParameters = 3;
 
-// Foreign patterns: displacements of the image that neither a pose nor a correction makes. They are a skew, as by a
-// rolling shutter whose camera turns, and tangential distortion in two directions. They show how large the errors are
-// that all points of a photo share. Their squares are averaged with those of more patterns, which are as large as
-// expected, because three are few.
-constexpr int kNumPatterns = 3;
-constexpr double kNumExpectedPatterns = 3;
+// Foreign patterns: displacements of the image that neither a pose nor a correction makes. With those that these make,
+// they are all displacements of first and second degree in the image coordinates.
+constexpr int kNumPatterns = 5;
 
 // The corrections, and after them the patterns.
 constexpr int kNumColumns = NUM_INTRINSICS_PARAMETERS + kNumPatterns;
@@ -47,7 +44,7 @@ Derivative ProjectionDerivative(const Eigen::Vector2d& offset) {
   derivative.col(RADIAL_DISTORTION) = offset * offset.squaredNorm() / std::pow(kRadialUnitPx, 3);
   derivative.col(FIFTH_POWER_DISTORTION) = offset * std::pow(offset.squaredNorm(), 2) / std::pow(kRadialUnitPx, 5);
   const double x = offset.x() / kRadialUnitPx, y = offset.y() / kRadialUnitPx;
-  derivative.rightCols<kNumPatterns>() << y, 3 * x * x + y * y, 2 * x * y, x, 2 * x * y, x * x + 3 * y * y;
+  derivative.rightCols<kNumPatterns>() << y, x * x, y * y, 0, 0, x, 0, 0, x * x, y * y;
   return derivative;
 }
 
@@ -58,6 +55,7 @@ class ScoreBuilder {
   using FrameColumns = Eigen::Matrix<double, Eigen::Dynamic, kSize>;
   using Moves = Eigen::Matrix<double, Eigen::Dynamic, kNumColumns>;
   using ByPoint = Eigen::Matrix<double, kNumColumns, 3>;
+  using Pattern = Eigen::Matrix<double, kNumPatterns, 1>;
   using PatternMatrix = Eigen::Matrix<double, kNumPatterns, kNumPatterns>;
   using PatternFromColumns = Eigen::Matrix<double, kNumPatterns, kNumColumns>;
 
@@ -127,18 +125,18 @@ class ScoreBuilder {
     score_.score = score_of_columns_.template head<kNum>();
     score_.frame_from_correction = poses_from_correction.template topLeftCorner<6, kNum>();
     if (kSize > 6) score_.log_factor_from_correction = poses_from_correction.row(kSize - 1).template head<kNum>();
-    score_.component_covariances = ComponentCovariancesOfScores(poses_from_correction.template leftCols<kNum>());
     const FrameColumns columns =
         factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).leftCols<kSize>());
     SetSharedErrors(columns, poses_from_correction, tracks);
-    if (solver_.Problem().frames[frame_].kind == BlockKind::POSE_AND_FOCAL_LENGTH) {
-      SetEstimatedFocalLength(columns.col(kSize - 1));
-      AddCommonErrors();
-    }
+    if (IsFocalLengthEstimated()) SetEstimatedFocalLength(columns.col(kSize - 1));
     return std::move(score_);
   }
 
  private:
+  bool IsFocalLengthEstimated() const {
+    return solver_.Problem().frames[frame_].kind == BlockKind::POSE_AND_FOCAL_LENGTH;
+  }
+
   Coupling& CouplingWith(int frame) {
     int& place = place_of_frame_[frame];
     if (place < 0) {
@@ -180,8 +178,11 @@ class ScoreBuilder {
     return track.observations.back().image;
   }
 
-  // Sets what shared errors add. Those of the score are measured where the correction that it suggests is made, because
-  // wrong intrinsics would else make the images disagree. columns: the frame's, of the inverse of the poses' equations.
+  // Sets what errors that matches share add to the frame's parameters, and the factor of common errors. The latter is
+  // measured where the correction that the score suggests is made, because wrong intrinsics would else make the images
+  // disagree, and with the scatter of what single tracks add (White 1980) as the variance by independent errors,
+  // because robust weights make it smaller than the information. columns: the frame's, of the inverse of the poses'
+  // equations.
   void SetSharedErrors(const FrameColumns& columns, const Moves& poses_from_correction,
                        const std::vector<size_t>& tracks) {
     IntrinsicsScore::Vector correction = IntrinsicsScore::Vector::Zero();
@@ -189,36 +190,32 @@ class ScoreBuilder {
         score_.information.topLeftCorner<kNumTestedIntrinsics, kNumTestedIntrinsics>().ldlt().solve(
             score_.score.head<kNumTestedIntrinsics>());
     ClusterCovariance<kSize> of_frame;
-    ClusterCovariance<NUM_INTRINSICS_PARAMETERS> of_score;
-    ClusterCovariance<kNumPatterns> of_patterns;
+    PatternMatrix scatter = PatternMatrix::Zero();
     const PatternFromColumns pattern_from_columns = EliminateCorrections();
     for (const size_t track : tracks) {
       const std::optional<TrackInfluence> influence = Influence(track, columns, poses_from_correction, correction);
       if (!influence) continue;
       of_frame.Add(Cluster(tracks_[track]), influence->frame);
-      of_score.Add(Cluster(tracks_[track]), influence->score.template head<NUM_INTRINSICS_PARAMETERS>());
-      of_patterns.Add(Cluster(tracks_[track]), pattern_from_columns * influence->score);
+      const Pattern of_patterns = pattern_from_columns * influence->score;
+      scatter += of_patterns * of_patterns.transpose();
     }
     score_.frame_shared_errors = of_frame.Excess(columns.template topRows<kSize>(), kNumClusterParameters);
-    score_.shared_errors = of_score.Excess(score_.information, kNumClusterParameters);
-    const PatternMatrix information = pattern_from_columns * information_ * pattern_from_columns.transpose();
-    const PatternMatrix covariance =
-        VarianceFactor(posed_, tracks_, loss_) * information + of_patterns.Excess(information, kNumClusterParameters);
-    const Eigen::Matrix<double, kNumPatterns, 1> score = pattern_from_columns * score_of_columns_;
-    const double squares = score.dot(covariance.ldlt().solve(score));
-    common_error_factor_ = std::max(1.0, (kNumExpectedPatterns + squares) / (kNumExpectedPatterns + kNumPatterns));
+    const Pattern score = pattern_from_columns * score_of_columns_;
+    const Eigen::CompleteOrthogonalDecomposition<PatternMatrix> solver(scatter);
+    const double squares = score.dot(solver.solve(score)), num_squares = static_cast<double>(solver.rank());
+    score_.common_error_factor = std::max(1.0, (kCommonErrorFactor + squares) / (1 + num_squares));
   }
 
   // Returns what makes the equations of the patterns from those of all columns. A focal length that is estimated has
   // been eliminated with the pose.
   PatternFromColumns EliminateCorrections() const {
-    constexpr int kNum = NUM_INTRINSICS_PARAMETERS - 1;
+    const int first = IsFocalLengthEstimated() ? 1 : 0, num = NUM_INTRINSICS_PARAMETERS - first;
     PatternFromColumns pattern_from_columns = PatternFromColumns::Zero();
     pattern_from_columns.template rightCols<kNumPatterns>().setIdentity();
-    pattern_from_columns.template middleCols<kNum>(1) =
-        -information_.template block<kNum, kNum>(1, 1)
+    pattern_from_columns.middleCols(first, num) =
+        -information_.block(first, first, num, num)
              .ldlt()
-             .solve(information_.template block<kNum, kNumPatterns>(1, NUM_INTRINSICS_PARAMETERS))
+             .solve(information_.block(first, NUM_INTRINSICS_PARAMETERS, num, kNumPatterns))
              .transpose();
     return pattern_from_columns;
   }
@@ -266,53 +263,15 @@ class ScoreBuilder {
     return influence;
   }
 
-  // Returns by prior group and component the covariance of the scores that unit variance causes. moves: of the poses.
-  std::vector<std::vector<IntrinsicsScore::Matrix>> ComponentCovariancesOfScores(const Eigen::MatrixXd& moves) const {
-    std::vector<std::vector<IntrinsicsScore::Matrix>> covariances;
-    for (size_t group = 0; group < posed_.prior_groups.size(); ++group) {
-      const BundlePriors& priors = solver_.Problem().priors[group];
-      Eigen::MatrixXd deviations = Eigen::MatrixXd::Zero(6 * priors.frames.size(), moves.cols());
-      for (size_t i = 0; i < priors.frames.size(); ++i) {
-        const int frame = priors.frames[i], place = place_of_frame_[frame];
-        if (place < 0) continue;
-        deviations(Eigen::seqN(i, 6, priors.frames.size()), Eigen::all) =
-            solver_.EvaluatePrior(frame, solver_.Linearization()).jacobian * moves.middleRows<6>(kSize * place);
-      }
-      covariances.emplace_back();
-      for (const Eigen::MatrixXd& covariance :
-           ComponentCovariances(posed_.prior_groups[group], priors.precision, deviations)) {
-        covariances.back().emplace_back(IntrinsicsScore::Matrix::Zero()).topLeftCorner(moves.cols(), moves.cols()) =
-            covariance;
-      }
-    }
-    return covariances;
-  }
-
   // Replaces the equation of the focal length by that of its estimate. column: the factor's, of the inverse of the
   // poses' equations.
   void SetEstimatedFocalLength(const Eigen::VectorXd& column) {
     const double variance = column[kSize - 1];
-    const auto replace = [](IntrinsicsScore::Matrix* matrix, double value) {
-      matrix->row(LOG_FOCAL_FACTOR).setZero();
-      matrix->col(LOG_FOCAL_FACTOR).setZero();
-      (*matrix)(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = value;
-    };
-    replace(&score_.information, 1 / variance);
-    const auto covariances = ComponentCovariancesOfScores(column);
-    for (size_t group = 0; group < covariances.size(); ++group) {
-      for (size_t j = 0; j < covariances[group].size(); ++j) {
-        replace(&score_.component_covariances[group][j], covariances[group][j](0, 0) / (variance * variance));
-      }
-    }
-    replace(&score_.shared_errors, score_.frame_shared_errors(kSize - 1, kSize - 1) / (variance * variance));
+    score_.information.row(LOG_FOCAL_FACTOR).setZero();
+    score_.information.col(LOG_FOCAL_FACTOR).setZero();
+    score_.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = 1 / variance;
     score_.score[LOG_FOCAL_FACTOR] = 0;
     score_.frame_from_correction.col(LOG_FOCAL_FACTOR) = column.head<6>() / variance;
-  }
-
-  // Adds to the errors of the score what the patterns show beyond its variances.
-  void AddCommonErrors() {
-    const IntrinsicsScore::Matrix variances = VarianceFactor(posed_, tracks_, loss_) * score_.information;
-    score_.shared_errors += (common_error_factor_ - 1) * (variances + score_.shared_errors);
   }
 
   const BundleSolver<kSize>& solver_;
@@ -322,7 +281,6 @@ class ScoreBuilder {
   const int frame_;  // of the problem
   Information information_ = Information::Zero();
   Eigen::Matrix<double, kNumColumns, 1> score_of_columns_ = Eigen::Matrix<double, kNumColumns, 1>::Zero();
-  double common_error_factor_ = 1;
   IntrinsicsScore score_;
   std::vector<bool> is_query_pose_;  // by frame of the problem: true for the poses of the query's images
   std::vector<int> places_;          // frames in the order of the equations; first, the frame in question

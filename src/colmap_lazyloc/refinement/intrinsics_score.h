@@ -18,6 +18,9 @@ class BundleSolver;
 // neither.
 inline constexpr int kNumTestedIntrinsics = FIFTH_POWER_DISTORTION;
 
+// What the factor of common errors is expected to be before the images are used.
+inline constexpr double kCommonErrorFactor = 4;
+
 // The normal equations of corrections of a query frame's intrinsics that an adjustment did not estimate, which all
 // cameras of a rig share, at the minimum of an adjustment, with all points and poses eliminated:
 // `information` * correction = `score` (Rao's score test). A correction takes the weights of the adjustment.
@@ -27,11 +30,13 @@ struct IntrinsicsScore {
 
   Matrix information = Matrix::Zero();
   Vector score = Vector::Zero();
-  // Covariance of `score` that unit variance of a component causes, by prior group and component.
-  std::vector<std::vector<Matrix>> component_covariances;
-  // What errors that the matches with a database image share add to the covariance of `score`, and to that of the
-  // frame's parameters: 6x6, or 7x7 with the factor (ClusterCovariance). Tracks with depths do not count.
-  Matrix shared_errors = Matrix::Zero();
+  // Factor on the covariance that independent errors give `score` and the corrections, because errors that many points
+  // of the image share, as with a rolling shutter, suggest other intrinsics without making the images disagree. It is
+  // the mean of squares, over their variances by independent errors: those of displacements that neither a pose nor a
+  // correction makes, and kCommonErrorFactor.
+  double common_error_factor = 1;
+  // What errors that the matches with a database image share add to the covariance of the frame's parameters: 6x6, or
+  // 7x7 with the factor (ClusterCovariance). Tracks with depths do not count.
   Eigen::MatrixXd frame_shared_errors;
   // Derivatives of the tangent of frame_from_world, and of the frame's factor, with respect to the corrections.
   Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS> frame_from_correction =
