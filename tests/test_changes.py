@@ -30,11 +30,12 @@ def box(random, count=120):
 
 
 class Scene:
-    """Photographs points of two epochs. names: what makes two points the same one, for the features."""
+    """Photographs points of two epochs. names: what makes two points the same one, for the features. found: share of the
+    box's points that become features in a photo."""
 
-    def __init__(self, old, new, old_names, new_names, photos_of_wall=NUM_PHOTOS, noise_px=NOISE_PX):
+    def __init__(self, old, new, old_names, new_names, photos_of_wall=NUM_PHOTOS, noise_px=NOISE_PX, found=1.0):
         random = np.random.default_rng(5)
-        self.photos_of_wall = photos_of_wall
+        self.photos_of_wall, self.found = photos_of_wall, found
         centres, rotations, self.pixels, self.seen = [], [], [], []
         for epoch, points, names in ((0, old, old_names), (1, new, new_names)):
             for i in range(NUM_PHOTOS):
@@ -70,6 +71,7 @@ class Scene:
         is_seen = np.all((pixels >= 0) & (pixels < [800, 600]), axis=1) & ~hidden
         if is_near_only:
             is_seen &= np.abs(points[:, 0]) > 1.5
+        is_seen &= ~front | (np.random.default_rng(len(self.pixels)).uniform(size=len(points)) < self.found)
         self.pixels.append(pixels[is_seen])
         self.seen.append([name for name, seen in zip(names, is_seen) if seen])
 
@@ -130,6 +132,12 @@ def test_box_that_is_there_in_one_epoch(kind):
     assert np.allclose(change["centre"], [0, 2.5, 0], atol=0.1)
     left, top, right, bottom = change["database_photos"][0]["box"]
     assert right - left > 70 and bottom - top > 70
+
+
+def test_box_vanished_most_of_whose_points_are_in_two_photos():
+    """These points are not missing, but do not speak for the box, either."""
+    (change,) = make(np.zeros(3), None, found=0.3, num_in_box=240).changes()
+    assert change["kind"] == "vanished" and 40 < change["num_points"] < 120
 
 
 def test_nothing_is_said_where_fewer_than_two_photos_could_show_it():

@@ -42,9 +42,11 @@ def find_missing(photos: Photos, shown: Points, other: Points, is_new: bool, is_
     is_missing = (num_through >= MIN_NUM_PHOTOS) & (num_through > MIN_RATIO * num_there) & ~is_known
     # Photos of its own epoch must not look through it, as they do through a fence and past wrong points.
     own_through, own_there = (each.sum(axis=0) for each in _look_through(photos, shown, shown, not is_new, views))
-    is_missing &= (views.num_photos >= MIN_NUM_SHOWN) & (own_there > own_through)
-    # Points that a photo of the other epoch could show: those that it sees the place of.
-    is_compared = is_known | is_missing | (num_through + num_there > 0)
+    is_shown = views.num_photos >= MIN_NUM_SHOWN
+    is_missing &= is_shown & (own_there > own_through)
+    # Points that a photo of the other epoch could show: those that it sees the place of. A point that too few photos of
+    # its own epoch show is never missing, and says nothing of its neighbours.
+    is_compared = is_known | (is_shown & (num_through + num_there > 0))
     if is_missing.sum() < MIN_NUM_POINTS:
         return []
     compared = np.flatnonzero(is_compared)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <vector>
 
@@ -35,7 +36,9 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> SparseRootOfPrecision(const Eigen::
     const std::vector<Eigen::Index> conditions = FindConditions(covariance, i);
     const Eigen::VectorXd shared = covariance(conditions, i);
     const Eigen::VectorXd weights = covariance(conditions, conditions).llt().solve(shared);
-    const double root = 1 / std::sqrt(covariance(i, i) - shared.dot(weights));
+    // Rounding may leave nothing of the variance of an error that the conditions determine almost.
+    const double smallest = std::numeric_limits<double>::epsilon() * covariance(i, i);
+    const double root = 1 / std::sqrt(std::max(covariance(i, i) - shared.dot(weights), smallest));
     for (size_t j = 0; j < conditions.size(); ++j) {
       elements.emplace_back(i, conditions[j], -root * weights[static_cast<Eigen::Index>(j)]);
     }

@@ -45,5 +45,11 @@ TEST(SparseRootOfPrecision, ManyErrorsAreSparseAndNearlyExact) {
   EXPECT_LT(divergence, 3);
 }
 
+TEST(SparseRootOfPrecision, EqualErrorsStayFinite) {
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Constant(3, 3, 0.1);
+  covariance(2, 2) += 1;
+  EXPECT_TRUE(Eigen::MatrixXd(SparseRootOfPrecision(covariance)).allFinite());
+}
+
 }  // namespace
 }  // namespace lazyloc
