@@ -30,8 +30,8 @@ def box(random, count=120):
 
 
 class Scene:
-    """Photographs points of two epochs. names: what makes two points the same one, for the features. found: share of the
-    box's points that become features in a photo."""
+    """Photographs points of two epochs. names: what makes two points the same one, for the features. found: share of
+    the box's points that become features in a photo."""
 
     def __init__(self, old, new, old_names, new_names, photos_of_wall=NUM_PHOTOS, noise_px=NOISE_PX, found=1.0):
         random = np.random.default_rng(5)
