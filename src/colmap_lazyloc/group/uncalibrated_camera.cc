@@ -6,7 +6,6 @@
 #include <vector>
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 
@@ -49,23 +48,14 @@ std::vector<OtherCorrections> StddevsByCase(const Camera& camera, IntrinsicsOrig
   return cases;
 }
 
-Case<CorrectionDistribution> Update(const OtherCorrections& stddevs, const OtherCorrections& suggested,
-                                    const OtherCovariance& covariance) {
-  const OtherCovariance expected = stddevs.cwiseAbs2().asDiagonal();
-  const Eigen::LDLT<OtherCovariance> total(expected + covariance);
-  const OtherCovariance gain = total.solve(expected).transpose();
-  return {-(suggested.dot(total.solve(suggested)) + total.vectorD().array().log().sum()) / 2,
-          {gain * suggested, gain * covariance}};
-}
-
-// The same for all intrinsics, of which nothing is expected of the focal length.
-Case<IntrinsicsDistribution> Update(const OtherCorrections& stddevs, const IntrinsicsInformation& information) {
-  IntrinsicsCovariance precision = information.precision;
-  precision.diagonal().tail<kNumOtherCorrections>() += stddevs.cwiseAbs2().cwiseInverse();
-  const Eigen::LDLT<IntrinsicsCovariance> factor(precision);
-  const IntrinsicsCorrections mean = factor.solve(information.gradient);
-  return {(information.gradient.dot(mean) - factor.vectorD().array().log().sum()) / 2 - stddevs.array().log().sum(),
-          {mean, factor.solve(IntrinsicsCovariance::Identity())}};
+// Nothing is expected of the focal length, if it is one of the corrections.
+template <typename Distribution, typename Matrix, typename Vector>
+Case<Distribution> Update(const OtherCorrections& stddevs, Matrix precision, const Vector& gradient) {
+  precision.diagonal().template tail<kNumOtherCorrections>() += stddevs.cwiseAbs2().cwiseInverse();
+  const Eigen::LDLT<Matrix> factor(precision);
+  const Vector mean = factor.solve(gradient);
+  return {(gradient.dot(mean) - factor.vectorD().array().log().sum()) / 2 - stddevs.array().log().sum(),
+          {mean, factor.solve(Matrix::Identity())}};
 }
 
 // Returns the mean and the covariance over the cases, weighted by their densities.
@@ -87,6 +77,17 @@ Distribution Mix(const std::vector<Case<Distribution>>& cases) {
   return mixture;
 }
 
+// Returns the corrections by what images show of them: `precision` * corrections = `gradient`.
+template <typename Distribution, typename Matrix, typename Vector>
+Distribution Corrections(const Matrix& precision, const Vector& gradient, const Camera& camera,
+                         IntrinsicsOrigin origin) {
+  std::vector<Case<Distribution>> cases;
+  for (const OtherCorrections& stddevs : StddevsByCase(camera, origin)) {
+    cases.push_back(Update<Distribution>(stddevs, precision, gradient));
+  }
+  return Mix(cases);
+}
+
 // Returns the displacements in pixels of an image point kRadialUnitPx from the principal point by the coefficients of
 // radial distortion, each over its coefficient.
 Eigen::Vector2d PxPerRadialCoefficient(const Camera& camera) {
@@ -102,9 +103,7 @@ IntrinsicsInformation InformationOf(const IntrinsicsScore& score, double varianc
 
 IntrinsicsDistribution JointCorrections(const IntrinsicsInformation& information, const Camera& camera,
                                         IntrinsicsOrigin origin) {
-  std::vector<Case<IntrinsicsDistribution>> cases;
-  for (const OtherCorrections& stddevs : StddevsByCase(camera, origin)) cases.push_back(Update(stddevs, information));
-  return Mix(cases);
+  return Corrections<IntrinsicsDistribution>(information.precision, information.gradient, camera, origin);
 }
 
 Camera WithAllCorrections(const Camera& camera) { return AsOpenCv(camera); }
@@ -140,14 +139,11 @@ CorrectionDistribution UncalibratedCorrections(const IntrinsicsScore& score, dou
                                                const OtherCorrections& made, const Camera& camera,
                                                IntrinsicsOrigin origin) {
   if (IsCalibrated(origin)) return {};
-  const OtherCovariance inverse =
-      score.information.bottomRightCorner<kNumOtherCorrections, kNumOtherCorrections>().inverse();
-  const OtherCorrections suggested = made + inverse * score.score.tail<kNumOtherCorrections>();
-  std::vector<Case<CorrectionDistribution>> cases;
-  for (const OtherCorrections& stddevs : StddevsByCase(camera, origin)) {
-    cases.push_back(Update(stddevs, suggested, variance_factor * inverse));
-  }
-  return Mix(cases);
+  const IntrinsicsInformation information = InformationOf(score, variance_factor);
+  const OtherCovariance precision =
+      information.precision.bottomRightCorner<kNumOtherCorrections, kNumOtherCorrections>();
+  const OtherCorrections gradient = precision * made + information.gradient.tail<kNumOtherCorrections>();
+  return Corrections<CorrectionDistribution>(precision, gradient, camera, origin);
 }
 
 }  // namespace lazyloc

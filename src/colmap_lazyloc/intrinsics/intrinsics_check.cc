@@ -81,7 +81,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   checked.posed = RelativeToGivenDatabase(layout, adjusted);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
-    const double variance_factor = score.common_error_factor * refined.variance_factor;
+    const double variance_factor = std::max(score.common_error_factor * refined.variance_factor, 1e-30);
     for (const int query : layout.QueriesOf(frame)) {
       const LocalizationProblem& problem = group.images[query].problem;
       IntrinsicsResult& result = checked.results[query];
