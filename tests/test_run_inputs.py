@@ -106,6 +106,30 @@ def test_nothing_left_is_one_line(run, place, capsys):
     assert "6 of 6 photos are left out: database/0.png (cannot be read)" in line and "and 1 others" in line
 
 
+@pytest.mark.parametrize(("option", "role"), [("--camera", DATABASE), ("--query_camera", QUERY)])
+@pytest.mark.parametrize("orientation", [None, 6])
+def test_camera_of_another_size_is_one_line_before_any_work(run, place, tmp_path, option, role, orientation, capsys):
+    """A photo that viewers turn upright has another size there than in its file, which is the one that counts."""
+    size = "1280 x 720"
+    if orientation is not None:
+        size = "480 x 360"
+        for path in list((place / role).iterdir()):
+            write_oriented(path.with_suffix(".jpg"), path, orientation)
+            path.with_suffix(".jpg").rename(path)
+    run(option, f"PINHOLE {size.replace(' x', '')} 400 400 240 180", exit_code=1)
+    stored = "480 x 360" if orientation is None else "360 x 480"
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"lazyloc run: {option} is for {size} pixels, but photo {role}/0.png is stored with {stored}"
+    assert not (tmp_path / "out" / "database.db").exists()
+
+
+def test_query_of_another_size_than_the_others_gets_a_reason(run, place):
+    cv2.imwrite(str(place / QUERY / "0.png"), np.zeros((720, 1280, 3), np.uint8))
+    output = run("--query_camera", CAMERA.text())
+    assert localized(output) == ["query/1.png"]
+    assert "1280 x 720" in read_results(output / "localized" / "results.jsonl")["query/0.png"]["reason"]
+
+
 def test_bad_queries_and_masks_of_a_sequence(run, place, capsys):
     for name in ("0", "1"):
         path = place / "masks" / QUERY / f"{name}.png.png"

@@ -50,6 +50,7 @@ from colmap_lazyloc.project.options import (
 )
 from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
 from colmap_lazyloc.project.photos import (
+    check_size,
     contents,
     convert_photos,
     find_photos,
@@ -115,7 +116,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         photos, positions = _find_database(options, options.database_images), _read_positions(options)
     database = _make_images(project, options, DATABASE, photos)
     if options.poses is not None:
-        posed = _use_poses(options, database, posed)
+        posed = _use_poses(project, options, database, posed)
     if query_photos is None:
         query_photos = find_photos(_video_frames(project, options, QUERY), [])
     queries = _make_images(project, options, QUERY, query_photos)
@@ -233,7 +234,9 @@ def _read_positions(options: argparse.Namespace) -> Positions | None:
     return None if options.positions is None else read_positions(*_pose_source(options))
 
 
-def _use_poses(options: argparse.Namespace, database: Images, posed: PosedImages | None) -> PosedImages:
+def _use_poses(
+    project: steps.Project, options: argparse.Namespace, database: Images, posed: PosedImages | None
+) -> PosedImages:
     """Returns the poses of the database images, under the names of the links; reads them if `posed` is None."""
     if posed is None:
         source, form = _pose_source(options)
@@ -242,6 +245,9 @@ def _use_poses(options: argparse.Namespace, database: Images, posed: PosedImages
     num_photos, num_left_out = len(database.linked), len(database.linked) - len(posed.images)
     if not posed.images:
         raise InputError(f"--poses {options.poses}: has no pose of a photo that can be used")
+    given = [name for name in ("camera", "calibration") if getattr(options, name) is not None]
+    label = f"--{given[0]}" if given else f"--poses {options.poses}"
+    check_size(project.folder, label, {image.name: image.camera for image in posed.images})
     if num_left_out > 0:
         logger.warning("%d of %d photos have no pose and are not used", num_left_out, num_photos)
     return posed
@@ -313,7 +319,9 @@ def _query_camera(
 ) -> Camera | None:
     """Returns the camera that is given for the queries; of a sequence, else that of database images of its size."""
     if options.query_camera is not None:
-        return Camera.parse("--query_camera", options.query_camera)
+        camera = Camera.parse("--query_camera", options.query_camera)
+        check_size(project.folder, "--query_camera", dict.fromkeys(sorted(queries.linked.values()), camera))
+        return camera
     if options.sequence is None:
         return None
     sizes = (photo_size(project.folder.images / name) for name in sorted(queries.linked.values()))

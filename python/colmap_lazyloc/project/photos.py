@@ -208,6 +208,22 @@ def has_bad_mask(folder: Folder, name: str) -> bool:
     return mask.is_file() and photo_size(mask) is None
 
 
+def check_size(folder: Folder, label: str, cameras: Mapping[str, Camera]) -> None:
+    """Raises InputError if no image has the size of its camera; `label`: what gives the cameras, in the message."""
+    if not is_installed("PIL"):
+        return
+    text = ""
+    for name, camera in cameras.items():
+        size = photo_size(folder.images / name)
+        if size == (camera.width, camera.height):
+            return
+        if size is not None:
+            is_for = f"{label} is for {camera.width} x {camera.height} pixels"
+            text = text or f"{is_for}, but photo {name} is stored with {size[0]} x {size[1]}"
+    if text:
+        raise InputError(text)
+
+
 def warn_left_out(folder: Folder, cameras: Mapping[str, Camera | None], names: Sequence[str]) -> None:
     """Names images that COLMAP could not use, because it only logs which, and why."""
     if not names:
