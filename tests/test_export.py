@@ -466,6 +466,14 @@ def rotation_of(form, angles):
     return Rotation.from_euler(axes, angles, degrees=True).as_matrix()
 
 
+@pytest.mark.parametrize(("crs", "is_outside"), [("EPSG:25832", False), ("EPSG:25833", True)])
+def test_export_outside_of_the_area_of_use_is_a_warning(tmp_path, crs, is_outside, capsys):
+    write_results(tmp_path, SCENES["geographic"])
+    _, code = export(tmp_path, "realitycapture", "--crs", crs)
+    count = capsys.readouterr().err.count("outside of its area of use")
+    assert (code, count) == (0, int(is_outside))
+
+
 def test_realitycapture_in_a_grid_has_headings_from_true_north(tmp_path):
     """The camera of the first photo looks north along the horizon, upright."""
     write_results(tmp_path, SCENES["geographic"])

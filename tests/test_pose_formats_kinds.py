@@ -144,6 +144,29 @@ def test_missing_grid_of_the_geoid_is_a_line(caplog):
     assert not caplog.text
 
 
+@pytest.mark.parametrize(
+    ("crs", "place", "is_outside"),
+    [
+        ("EPSG:25832", (43.1, -89.4), True),  # Wisconsin
+        ("EPSG:25832", (50.8, 5.9), False),  # Aachen, west of 6 degrees
+        ("EPSG:25832", (20.0, 9.0), True),
+        ("EPSG:25832+5773", (43.1, -89.4), True),
+        ("EPSG:32601", (60.0, 179.9), False),  # zone 1 begins at 180 degrees
+        ("EPSG:32601", (60.0, -179.0), False),
+        ("EPSG:3832", (0.0, 179.9), False),  # from 98.69 to -68 degrees
+        ("EPSG:3832", (0.0, 0.0), True),
+        ("EPSG:3857", (60.0, -180.0), False),
+        ("EPSG:3857", (60.0, 359.0), False),
+        ("+proj=utm +zone=32 +datum=WGS84", (43.1, -89.4), False),  # has no area of use
+    ],
+)
+def test_positions_outside_of_the_area_of_use(crs, place, is_outside, caplog):
+    geo.find_crs(crs)
+    caplog.clear()
+    geo.warn_outside(crs, np.array([[*place, 300.0]]))
+    assert [f"--crs {crs}: 1 of 1 positions are outside" in text for text in caplog.messages] == [True] * is_outside
+
+
 @pytest.mark.parametrize("write", [pose_writers.csv_angles, pose_writers.pix4d])
 def test_angles_in_geocentric_axes_are_refused(write, tmp_path):
     path = write(tmp_path, make_poses(["a.jpg"], shift=(4_000_000, 900_000, 4_800_000)))

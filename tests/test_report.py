@@ -97,7 +97,7 @@ def test_positions_are_those_of_the_localized_queries(run_path, page, tmp_path):
     assert main([str(run_path), "--output", str(output), "--crs", "EPSG:32632"]) == 1 and not output.exists()
 
 
-def test_geographic_positions_are_also_those_of_a_reference_system(run_path, tmp_path):
+def test_geographic_positions_are_also_those_of_a_reference_system(run_path, tmp_path, capsys):
     folder = tmp_path / "run"
     shutil.copytree(run_path, folder)
     name = next(name for name, result in read_results(folder / "results.jsonl").items() if pose_of(result))
@@ -107,6 +107,7 @@ def test_geographic_positions_are_also_those_of_a_reference_system(run_path, tmp
         table.writerow([name, "LOCALIZED", 45.0, 9.0, 301.5])  # on the central meridian of zone 32
         table.writerow(["query/nowhere.jpg", "NO_PAIRS", "", "", ""])
     page = make_page(folder, tmp_path / "geographic.html", "--crs", "EPSG:32632")
+    assert "outside" not in capsys.readouterr().err
     assert [system["axes"] for system in page.queries["systems"][1:]] == [
         ["latitude", "longitude", "height"],
         ["E", "N", "H"],
@@ -117,6 +118,10 @@ def test_geographic_positions_are_also_those_of_a_reference_system(run_path, tmp
     length = pyproj.Geod(ellps="WGS84").inv(9, 0, 9, 45)[2]  # along the meridian, which UTM scales by 0.9996
     assert projected == pytest.approx([500000, 0.9996 * length, 301.5], abs=1e-3)
     assert np.isnan(np.delete(positions, page.index(name), axis=0)[:, 1:]).all()
+    make_page(folder, tmp_path / "geographic.html", "--crs", "EPSG:25833")
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "EPSG:25833" in line)
+    area = "longitudes 12 to 18.01 and latitudes 34.79 to 84.01"
+    assert f"1 of 1 positions are outside of its area of use, {area}" in line
     (folder / "positions.csv").write_text("name,latitude_deg\nx,north\n")
     assert main([str(folder), "--output", str(tmp_path / "damaged.html")]) == 1
 

@@ -1,6 +1,7 @@
 """Drives report pages in headless Chromium: from file://, without a network, as a user opens them."""
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -176,6 +177,18 @@ def test_positions_are_shown_and_copied(browser, page_path, run):
     assert head.split("\t") == ["query", "status", "x", "y", "z", "standard deviation"]
     assert [row.split("\t")[2:5] for row in rows if row.startswith(names[query])] == [shown.split(", ")]
     assert report.problems == []
+
+
+def test_the_column_of_positions_names_the_reference_system(browser, run, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(run, folder)
+    name = next(iter(results.read_results(run / "results.jsonl")))
+    (folder / "positions.csv").write_text(
+        f"name,status,latitude_deg,longitude_deg,height_m\n{name},LOCALIZED,45,9,301.5\n"
+    )
+    report = browser.open(make_page(folder, "--crs", "EPSG:32632"))
+    headers = report.page.get_by_role("columnheader").all_inner_texts()
+    assert [text for text in headers if "E, N, H" in text] == ["EPSG:32632: E, N, H (m)"], headers
 
 
 @pytest.mark.parametrize("width, color_scheme", [(1280, "light"), (1280, "dark"), (390, "light")])

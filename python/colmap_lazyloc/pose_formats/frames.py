@@ -15,6 +15,7 @@ from colmap_lazyloc.pose_formats.geo import (
     local_axes,
     to_geocentric,
     to_geodetic,
+    warn_outside,
 )
 from colmap_lazyloc.poses import Pose
 
@@ -94,6 +95,7 @@ class Frame:
             raise InputError(f"--crs {self.crs}: the model has no place on the Earth")
         crs = find_crs(self.crs)
         geodetic = origin.to_geodetic(np.array([pose.cam_in_world for pose in poses]).reshape(-1, 3))
+        warn_outside(self.crs, geodetic)
         centres = from_geodetic(crs, geodetic)
         if not np.all(np.isfinite(centres)):
             raise InputError(f"--crs {self.crs}: a photo is outside of the reference system")

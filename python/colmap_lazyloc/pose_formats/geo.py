@@ -15,6 +15,7 @@ from colmap_lazyloc.errors import InputError, logger
 
 FILE_NAME = "geo.json"
 MIN_HEIGHT_M, MAX_HEIGHT_M = -5000.0, 50_000.0
+AREA_MARGIN_DEG = 1.0  # surveys near the border of a zone are often in its system: Aachen, 5.9 east, in that from 6 on
 WGS84_3D = "EPSG:4979"
 _STEP = "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84"
 
@@ -164,6 +165,30 @@ def from_geodetic(crs: Any, geodetic: Array) -> Array:
 
     latitudes, longitudes, heights = geodetic.T
     return _transform(pyproj.Transformer.from_crs(WGS84_3D, crs, always_xy=True), longitudes, latitudes, heights)
+
+
+def warn_outside(name: str, geodetic: Array) -> None:
+    """Warns of positions, n x 3, that are outside of the area of use of a reference system."""
+    crs = find_crs(name)
+    area = next((part.area_of_use for part in (crs, *crs.sub_crs_list) if part.area_of_use is not None), None)
+    if area is None:
+        return
+    latitudes, longitudes, _ = geodetic.T
+    width = (area.east - area.west) % 360 or 360  # across 180 degrees, too
+    is_inside = (longitudes - area.west + AREA_MARGIN_DEG) % 360 <= width + 2 * AREA_MARGIN_DEG
+    is_inside &= (latitudes >= area.south - AREA_MARGIN_DEG) & (latitudes <= area.north + AREA_MARGIN_DEG)
+    if not is_inside.all():
+        logger.warning(
+            "--crs %s: %d of %d positions are outside of its area of use, longitudes %g to %g and latitudes %g to %g: "
+            "use the reference system of this place",
+            name[:40],
+            np.count_nonzero(~is_inside),
+            len(geodetic),
+            area.west,
+            area.east,
+            area.south,
+            area.north,
+        )
 
 
 def to_geocentric(geodetic: Array) -> Array:

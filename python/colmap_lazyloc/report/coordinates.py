@@ -49,7 +49,7 @@ def find_systems(run: Run, crs: str | None = None) -> list[System]:
 
 def _in_reference_system(crs: str, geodetic: Array) -> list[System]:
     """Returns positions in a projected or geocentric system; nothing for one of latitudes, which the page has."""
-    from colmap_lazyloc.pose_formats.geo import find_crs, from_geodetic
+    from colmap_lazyloc.pose_formats.geo import find_crs, from_geodetic, warn_outside
 
     system = find_crs(crs)
     if system.is_geographic:
@@ -57,6 +57,7 @@ def _in_reference_system(crs: str, geodetic: Array) -> list[System]:
     axes = ("X", "Y", "Z") if system.is_geocentric else ("E", "N", "H")
     xyz = np.full(geodetic.shape, np.nan)
     is_known = np.isfinite(geodetic).all(axis=1)
+    warn_outside(crs, geodetic[is_known])
     xyz[is_known] = from_geodetic(system, geodetic[is_known])
     xyz[~np.isfinite(xyz)] = np.nan
     return [System(crs, axes, (METRE,) * 3, (METRE_DIGITS,) * 3, xyz)]

@@ -114,9 +114,11 @@ function textColumns(queries: Queries, summary: Summary): Column[] {
 // Returns the column that says where each query is, or why that is not known.
 function answerColumn(queries: Queries): Column {
   const system = mainSystem(queries);
+  const { name } = queries.systems[system];
+  const isNamedByAxes = system < 2; // coordinates of the model, or latitude and longitude
   return {
     id: "position",
-    label: axesText(queries.systems[system]),
+    label: (isNamedByAxes ? "" : `${name}: `) + axesText(queries.systems[system]),
     explanation: "Where the photo was taken; or why the query has no position, or none to rely on.",
     width: 16.2,
     growth: 8,
