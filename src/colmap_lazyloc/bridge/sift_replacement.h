@@ -7,8 +7,8 @@ namespace lazyloc {
 
 // Lets COLMAP's commands of this process extract SIFT features by ExtractPlainSift, and match them by `match`, which
 // matches as COLMAP does by default, if their options ask for no other features or matches. Pairs are verified with the
-// same random numbers, whatever the number of threads. Only for the colmap program: its link replaces COLMAP's functions
-// that make an extractor and a matcher, and that verify a pair.
+// same random numbers, whatever the number of threads. Only for the colmap program: its link replaces COLMAP's
+// functions that make an extractor and a matcher, and that verify a pair.
 void ReplaceSift(Matches (*match)(const Descriptors& query, const Descriptors& database));
 
 // Names of the options that switch the GPU.
