@@ -139,7 +139,7 @@ FORMATS: dict[str, Format] = {
         "number of the frame",
     ),
     "euroc": _trajectory(
-        "EuRoC: data.csv, the true poses of the body; needs --calibration",
+        "EuRoC: data.csv, the true poses of the body; --calibration must give the pose of the camera on the body",
         (),
         lambda f: f.has("prsrx"),
         Convention(TO_WORLD, "body"),
@@ -263,7 +263,7 @@ FORMATS: dict[str, Format] = {
         cameras="from info.txt",
     ),
     "scannet": Format(
-        "ScanNet: the folder to which its reader exports color, pose and intrinsic",
+        "ScanNet: the folder that contains the folders color, pose and intrinsic of ScanNet's reader",
         datasets.parse_scannet,
         datasets.is_scannet,
         Convention(TO_WORLD, rotation="matrix"),
@@ -300,7 +300,7 @@ FORMATS: dict[str, Format] = {
         cameras="fx, fy, cx, cy",
     ),
     "rtabmap": _trajectory(
-        "RTAB-Map: poses with ids, ..._camera_poses.txt; if poses are of the robot, pass --calibration",
+        "RTAB-Map: poses with ids, ..._camera_poses.txt; if the poses are poses of the robot, pass --calibration",
         trajectories.RTABMAP,
         lambda f: f.num_numbers == 9,
         Convention(TO_WORLD, quaternion="xyzw"),
@@ -328,7 +328,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(file_of(trajectories.kitti_text), omits="names, times, intrinsics", holds_name=_any_name),
     ),
     "kitti360": _trajectory(
-        "KITTI-360: cam0_to_world.txt, with a frame and a matrix per line; poses.txt (of the body) with --calibration",
+        "KITTI-360: cam0_to_world.txt, with a frame and a matrix per line; poses.txt (of the body) needs --calibration",
         trajectories.KITTI360,
         lambda f: f.num_numbers in (13, 17) and f.first_row[0].isdecimal(),
         Convention(TO_WORLD, rotation="matrix"),
@@ -360,7 +360,7 @@ FORMATS: dict[str, Format] = {
         )
     },
     "matrices": Format(
-        "4 x 4 matrices: one matrix per line, one per four lines (Open3D), or a folder with one per file",
+        "4 x 4 matrices: one matrix per line, one matrix per four lines (Open3D), or a folder with one matrix per file",
         trajectories.parse_matrices,
         lambda f: f.has_matrices,
         Convention(TO_WORLD, rotation="matrix"),
