@@ -113,7 +113,7 @@ def test_ended_by_a_signal(start, localize, many, whole, tmp_path, signal_number
     process.send_signal(signal_number)
     stderr = process.communicate(timeout=120)[1].decode()
     assert process.returncode == 128 + signal_number
-    assert stderr.splitlines()[-1] == "partial: --resume 1 goes on"
+    assert stderr.splitlines()[-1] == "partial: to continue, run the same command with --resume 1"
     assert "more queries would take" in stderr
     output = tmp_path / "output"
     num_partial = len((output / "results.jsonl").read_text().splitlines())

@@ -362,5 +362,5 @@ def test_killed_run_leaves_nothing_to_another(work, run, fresh, kill, tmp_path):
 
 def test_interrupted_run_says_how_to_go_on(work, run, fresh, kill, tmp_path):
     lines, code = kill(work, tmp_path / "output", (), is_extracting, how=signal.SIGINT)
-    assert lines[-1] == "lazyloc run: interrupted: the same command goes on" and code == 130
+    assert lines[-1] == "lazyloc run: interrupted; to continue, run the same command again" and code == 130
     assert_same(run(work, tmp_path / "output"), result(fresh(work)))

@@ -83,7 +83,7 @@ def command(
                 raise
             return fail(message)
         except KeyboardInterrupt as interrupt:
-            logger.error(": ".join(["interrupted", *map(str, interrupt.args)]))
+            logger.error("; ".join(["interrupted", *map(str, interrupt.args)]))
             return EXIT_INTERRUPTED
 
     return run

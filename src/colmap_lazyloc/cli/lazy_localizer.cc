@@ -133,7 +133,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   if (leave_one_out) std::cerr << FormatLeaveOneOut(*leave_one_out);
   PrintReportCommand(own_path, options);
   if (!is_finished) {
-    std::cerr << "partial: --resume 1 goes on" << std::endl;
+    std::cerr << "partial: to continue, run the same command with --resume 1" << std::endl;
     return kExitSignal + interrupted;
   }
   return options.strict && !all_localized ? kExitNotAllLocalized : EXIT_SUCCESS;
