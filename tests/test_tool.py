@@ -113,7 +113,7 @@ def test_package_for_marked_points_is_missed_before_any_work(tmp_path, words):
     PIL.Image.new("L", (8, 8)).save(tmp_path / "a.png")
     words = f"--database_images {tmp_path} --queries {tmp_path} --output {tmp_path}/o {words}"
     done = run_tool("run", *words.split(), missing=["pycolmap"])
-    assert done.returncode == 1 and "pip install 'colmap-lazyloc[control_points]'" in done.stderr, done.stderr
+    assert done.returncode == 1 and "pip install 'colmap-lazyloc[run]'" in done.stderr, done.stderr
     assert not (tmp_path / "o").exists()
 
 

@@ -18,8 +18,16 @@ OPENCV = {"opencv-python-headless": "cv2"}
 TQDM = {"tqdm": "tqdm"}
 EXTRAS = {
     "run": Extra(
-        "lazyloc run: videos, HEIC, GPS, check of the poses, photos in the report, progress",
-        {**OPENCV, "pillow": "PIL", "pillow-heif": "pillow_heif", "pyproj": "pyproj", "scipy": "scipy", **TQDM},
+        "lazyloc run: videos, HEIC, GPS, check of the poses, marked points, photos in the report, progress",
+        {
+            **OPENCV,
+            "pillow": "PIL",
+            "pillow-heif": "pillow_heif",
+            "pycolmap": "pycolmap",
+            "pyproj": "pyproj",
+            "scipy": "scipy",
+            **TQDM,
+        },
     ),
     "import": Extra(
         "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles, check of poses",
@@ -28,7 +36,7 @@ EXTRAS = {
     "report": Extra("lazyloc report: photos, progress", {**OPENCV, **TQDM}),
     "plots": Extra("lazyloc report --plots", {"matplotlib": "matplotlib"}),
     "control_points": Extra(
-        "lazyloc control_points, lazyloc run --control_points, marked points of --scale",
+        "lazyloc control_points",
         {"pycolmap": "pycolmap", "pyproj": "pyproj", "scipy": "scipy"},
     ),
     "changes": Extra("lazyloc changes", {"pycolmap": "pycolmap", "scipy": "scipy"}),
