@@ -106,6 +106,16 @@ def test_points_without_coordinates_show_the_shift(run, capsys):
     assert "shift of the new photos, by 4 points: 0.1000 -0.0500 0.0200 units, standard deviation 0.0000" in text
 
 
+def test_summary_counts_the_points_whose_error_is_known(run, capsys):
+    """A place needs marks in two photos."""
+    kept = [("new0.jpg", "P1"), ("new1.jpg", "P1"), *(("new0.jpg", point) for point in ("P2", "P3", "P4"))]
+    old = [key for key in run.marks if key[0].startswith("old") and key != ("old0.jpg", "P1")]
+    run.marks = {key: run.marks[key] for key in [*old, *kept]}
+    _, text = run.compare(capsys, *run.tables())
+    assert text.startswith("database photos: 4 points, mean error ") and "mean error of 4" not in text
+    assert "new photos: 4 points, mean error of 1 point 0.1000 -0.0500 0.0200 units, root mean square 0.1000" in text
+
+
 def geographic(run):
     ORIGIN.write(run.results / "model")
     return dict(zip(POINTS, ORIGIN.to_geodetic(np.array(list(POINTS.values())))))

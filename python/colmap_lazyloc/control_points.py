@@ -189,9 +189,10 @@ def summary(residuals: Sequence[Residual], unit: str) -> list[str]:
         errors = np.array([residual.error for residual in own if residual.error is not None]).reshape(-1, 3)
         text = f"{set_name} photos: {len(own)} points"
         if len(errors):
-            text += (
-                f", mean error {_vector(errors.mean(axis=0))} {unit}, root mean square {_vector(_rms(errors))} {unit}"
-            )
+            count = "1 point" if len(errors) == 1 else f"{len(errors)} points"
+            of_some = "" if len(errors) == len(own) else f" of {count}"
+            mean, rms = _vector(errors.mean(axis=0)), _vector(_rms(errors))
+            text += f", mean error{of_some} {mean} {unit}, root mean square {rms} {unit}"
         pixels = _rms(np.concatenate([residual.errors_px for residual in own]))
         lines.append(text + (f", {pixels:.2f} px" if np.isfinite(pixels) else ""))
     places = {(residual.point, residual.set_name): residual.place for residual in residuals}
