@@ -200,7 +200,11 @@ def test_metres_are_printed_in_sensible_units():
         ("a 1 0 0 0 1 2\n", "estimated.txt:1: expected `name qw qx qy qz tx ty tz`, found 'a 1 0 0 0 1 2'"),
         ("# fine\n\na 1 0 0 zero 1 2 3\n", "estimated.txt:3: expected"),
         ("a 1 0 0 0 nan 2 3\n", "estimated.txt:1: expected"),
-        ("a 0 0 0 0 1 2 3\n", "estimated.txt:1: the quaternion's norm is 0, not 1"),
+        (
+            "a 0 0 0 0 1 2 3\n",
+            "estimated.txt:1: the quaternion's norm is 0, not 1: expected `name qw qx qy qz tx ty tz`",
+        ),
+        ("1305031102.1 3 1 0.6 0.6 0.6 -0.3 -0.4\n", "norm is 3.27414, not 1: expected `name qw qx qy qz"),  # of TUM
         ("a 1 0 0 0 1 2 3\nb 1 0 0 0 1 2 3\na 1 0 0 0 1 2 3\n", "estimated.txt:3: image 'a' has a pose already"),
         ("z 1 0 0 0 1 2 3\n", "has no name in common with"),
     ],

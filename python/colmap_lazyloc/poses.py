@@ -174,6 +174,7 @@ def read_poses(path: Path) -> dict[str, Pose]:
     """Reads a file in the format of poses.txt: lines `name qw qx qy qz tx ty tz` (cam_from_world). Names may contain
     spaces."""
     poses = {}
+    expected = "expected `name qw qx qy qz tx ty tz`"
     for line_number, line in read_entries(path):
         words = line.rsplit(maxsplit=7)
         try:
@@ -181,10 +182,10 @@ def read_poses(path: Path) -> dict[str, Pose]:
             if numbers.size != 7 or not np.all(np.isfinite(numbers)):
                 raise ValueError
         except ValueError:
-            raise InputError(f"{path}:{line_number}: expected `name qw qx qy qz tx ty tz`, found '{line}'") from None
+            raise InputError(f"{path}:{line_number}: {expected}, found '{line}'") from None
         norm = np.linalg.norm(numbers[:4])
         if abs(norm - 1) > 0.01:
-            raise InputError(f"{path}:{line_number}: the quaternion's norm is {norm:.6g}, not 1")
+            raise InputError(f"{path}:{line_number}: the quaternion's norm is {norm:.6g}, not 1: {expected}")
         if name in poses:
             raise InputError(f"{path}:{line_number}: image '{name}' has a pose already")
         poses[name] = Pose(numbers[:4], numbers[4:])
