@@ -74,6 +74,20 @@ def test_query_without_a_pose_has_no_line(hloc_files):
     assert pickle.loads((folder / "results.txt_logs.pkl").read_bytes())["loc"][lost]["num_matches"] == 0
 
 
+@pytest.mark.parametrize(
+    "change", [lambda name: name.partition("/")[2], lambda name: f"data/{name}", lambda name: f"{name}x"]
+)
+def test_unknown_names_in_pairs_are_shown_with_the_nearest(hloc_files, change):
+    folder, _, _ = hloc_files
+    pairs = [line.split()[:2] for line in (folder / "pairs.txt").read_text().splitlines()]
+    (folder / "pairs.txt").write_text("".join(f"{change(first)} {change(second)}\n" for first, second in pairs))
+    with pytest.raises(InputError) as error:
+        localize_lazyloc.main(**arguments_of(folder))
+    name, known = change(pairs[0][0]), pairs[0][0]
+    ending = f"no pair of a query with an image of the model: {name} is neither; the nearest is {known}"
+    assert str(error.value).endswith(ending)
+
+
 def test_missing_matches_are_named(hloc_files):
     folder, _, _ = hloc_files
     with h5py.File(folder / "matches.h5", "a") as matches:

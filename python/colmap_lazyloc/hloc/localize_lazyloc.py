@@ -11,13 +11,13 @@ import os
 import pathlib
 import pickle
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from colmap_lazyloc.errors import InputError, Parser, command
+from colmap_lazyloc.errors import InputError, Parser, command, nearest
 from colmap_lazyloc.hloc_files import find_matches, read_keypoints
 from colmap_lazyloc.inputs import Matches, Options
 from colmap_lazyloc.localizer import Localizer
@@ -81,13 +81,23 @@ def main(
 def _retrieved(retrieval: Path, cameras: Mapping[str, Camera], model: Model) -> dict[str, list[str]]:
     """Returns the posed images for each query, in the order of the query list."""
     names: dict[str, list[str]] = {name: [] for name in cameras}
-    for pair in read_pairs(retrieval):
+    pairs = read_pairs(retrieval)
+    for pair in pairs:
         for query, other in (pair, pair[::-1]):
             if query in names and other in model.images and other not in names[query]:
                 names[query].append(other)
     if not any(names.values()):
-        raise InputError(f"{retrieval}: no pair of a query with an image of the model")
+        known = dict.fromkeys([*cameras, *model.images])
+        unknown = next((name for pair in pairs for name in pair if name not in known), None)
+        hint = "" if unknown is None else f": {unknown} is neither{_nearest_name(unknown, known)}"
+        raise InputError(f"{retrieval}: no pair of a query with an image of the model{hint}")
     return names
+
+
+def _nearest_name(name: str, known: Iterable[str]) -> str:
+    """Returns what an error about an unknown name ends with: the nearest one, first one with more or fewer folders."""
+    same = [other for other in known if other.endswith(f"/{name}") or name.endswith(f"/{other}")]
+    return f"; the nearest is {same[0]}" if same else nearest(name, known)
 
 
 class _Query(NamedTuple):
