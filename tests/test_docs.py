@@ -20,6 +20,7 @@ COMMAND = re.compile(r"(?<![\w/`])(lazyloc (?!cluster|retrieve)[a-z]+|colmap laz
 QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"| #.*")
 OPTION = re.compile(r"(?<!\S)--[A-Za-z][\w.]*")
 SEARCHED = {"ros": "robots", "rtk": "drones", "iphone": "export_poses", "error code": "statuses", "metashape": "film"}
+TWO_FRAMES = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 LOADED = re.compile(r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=\"?((?:https?:)?//[^\s\">]+)")
 
 
@@ -122,6 +123,7 @@ def test_pages_are_accessible(site, scheme):
         page = program.new_page(color_scheme=scheme)
         for path in sorted(site.rglob("*.html")):
             page.goto(path.as_uri())
+            page.evaluate(TWO_FRAMES)  # until the script of the site has set the height of the sidebar
             assert page.locator("body").get_attribute("data-md-color-scheme") == SCHEMES[scheme]
             for violation in Axe().run(page, options=options).response["violations"]:
                 if violation["impact"] in ("serious", "critical"):
