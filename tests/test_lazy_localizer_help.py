@@ -165,7 +165,7 @@ def test_help_writes_nothing(colmap, tmp_path):
 def test_help_breaks_no_option_across_lines(colmap):
     # boost breaks a word that begins in the left half of a line and does not fit into it.
     text = run(colmap, "lazy_localizer", "--help-all").stdout
-    names = re.findall(r"--([a-z_]+)(?![\w.])", text)
-    options = {name.split(" ")[0] for name in re.findall(r"^ +--([\w.-]+)", text, re.MULTILINE)} | {"help"}
+    names = [name.rstrip(".") for name in re.findall(r"--([\w.]+)", text)]
+    options = set(re.findall(r"^ +--([\w.]+)", text, re.MULTILINE)) | {"help"}
     assert len(names) > 20
     assert set(names) <= options

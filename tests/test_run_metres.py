@@ -17,12 +17,13 @@ from colmap_lazyloc.points import Points
 from colmap_lazyloc.pose_formats.control_points import Mark
 from colmap_lazyloc.pose_formats.exif_gps import GpsPosition, in_local_frame, read_photos
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.posed_images import ORIENTATION, photo_size
 from colmap_lazyloc.poses import Pose, look_at, read_poses
 from colmap_lazyloc.project.alignment import NotAlignedError, align_to_positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.distance import MARK_STDDEV_PX, End, locate
 from colmap_lazyloc.project.folder import Folder
-from colmap_lazyloc.project.photos import ORIENTATION, stored_pixel
+from colmap_lazyloc.project.photos import stored_pixel
 from colmap_lazyloc.pycolmap_types import image_from_cam
 from colmap_lazyloc.results import read_geodetic
 from report_pages import ReportPage
@@ -300,22 +301,25 @@ def test_marks_that_contradict_each_other_are_uncertain():
     assert bad > 4 * good
 
 
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_marks_are_in_the_photo_as_viewers_show_it(tmp_path, orientation):
+def test_marks_are_in_the_photo_as_viewers_show_it(tmp_path, orientation, name):
     """The project turns only mirror images upright."""
     stored = np.zeros((6, 9), np.uint8)
     stored[1, 7] = 255
     exif = PIL.Image.Exif()
     exif[ORIENTATION] = orientation
-    PIL.Image.fromarray(stored).save(tmp_path / "a.png", exif=exif)
+    for each in {name, "a.png"}:
+        PIL.Image.fromarray(stored).save(tmp_path / each, exif=exif)
     with PIL.Image.open(tmp_path / "a.png") as photo:
         shown = np.array(PIL.ImageOps.exif_transpose(photo))
     ((row, column),) = np.argwhere(shown)
-    pixel = stored_pixel("--scale", tmp_path / "a.png", column + 0.5, row + 0.5)
+    pixel = stored_pixel("--scale", tmp_path / name, column + 0.5, row + 0.5)
     assert pixel == ((column + 0.5, row + 0.5) if orientation in (2, 4, 5, 7) else (7.5, 1.5))
+    assert photo_size(tmp_path / name) == (9, 6)
     height, width = shown.shape
     with pytest.raises(InputError, match=f"--scale: is outside of the photo, which has {width} x {height} pixels"):
-        stored_pixel("--scale", tmp_path / "a.png", width + 1, 1)
+        stored_pixel("--scale", tmp_path / name, width + 1, 1)
 
 
 def write_control_points(folder, photos, places):

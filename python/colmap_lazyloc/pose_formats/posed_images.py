@@ -16,6 +16,7 @@ from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.result_fields import ResultFields
 
 if TYPE_CHECKING:
+    import PIL.Image
     import PIL.ImageFile
 
 # COLMAP recognizes the format of a photo by its content. Readable are those that COLMAP 3 and COLMAP 4 both read. Those
@@ -27,6 +28,7 @@ _UNREADABLE = """.jxl
 .3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .fff .gpr .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf .raw .rw2 .rwl .sr2
 .srf .srw .x3f
 .apng .dds .eps .exr .hdr .icns .ico .jpf .jpx .jxr .pcd .pcx .pfm .psb .psd .qoi .ras .sgi .svg .xbm .xpm"""
+ORIENTATION, SIDEWAYS = 0x0112, (5, 6, 7, 8)  # tag of EXIF; its values for photos that are shown on their side
 # Depth images next to colour ones, as 7 Scenes has them: frame-000000.color.png and frame-000000.depth.png.
 _DEPTH, _COLOUR = re.compile(r"([._-])depth(?=\.\w+$)", re.IGNORECASE), ("color", "colour", "rgb")
 IMAGE_SUFFIXES, PHONE_SUFFIXES = tuple(_READABLE.split()), tuple(_PHONES.split())
@@ -160,11 +162,19 @@ def open_photo(path: pathlib.Path) -> "PIL.ImageFile.ImageFile":
     return PIL.Image.open(path)
 
 
+def stored_size(photo: "PIL.Image.Image") -> tuple[int, int]:
+    """Returns the width and height in pixels with which a photo is stored. Pillow exchanges them for a TIFF file that is
+    shown on its side."""
+    width, height = photo.size
+    is_exchanged = photo.format == "TIFF" and photo.getexif().get(ORIENTATION) in SIDEWAYS
+    return (height, width) if is_exchanged else (width, height)
+
+
 def photo_size(path: pathlib.Path) -> tuple[int, int] | None:
     """Returns the width and height of a photo in pixels, as it is stored; None if it cannot be read."""
     try:
         with open_photo(path) as photo:
-            return photo.size
+            return stored_size(photo)
     except ImportError:
         raise
     except Exception:

@@ -90,7 +90,10 @@ class Surface:
 def read_distance(words: Sequence[str], photos: Mapping[str, pathlib.Path]) -> Distance:
     """Reads the three words of --scale; `photos`: the paths of the database images by name."""
     first, second = (_read_end(word, photos) for word in words[:2])
-    if first == second:
+    if (first.camera, {(mark.photo, *mark.pixel) for mark in first.marks}) == (
+        second.camera,
+        {(mark.photo, *mark.pixel) for mark in second.marks},
+    ):
         raise InputError(f"--scale {words[0]} {words[1]}: expected two different photos or points")
     return Distance((first, second), float(words[2]))
 
@@ -109,7 +112,7 @@ def _read_end(text: str, photos: Mapping[str, pathlib.Path]) -> End:
         pixels[name] = stored_pixel(
             f"--scale {match[0].removesuffix('+')}", photos[name], float(match[2]), float(match[3])
         )
-    if begin < len(text) and ":" in text:
+    if not text or (begin < len(text) and ":" in text):
         raise InputError(
             f"--scale {text}: expected PHOTO, PHOTO:x,y, or a point in several photos, PHOTO:x,y+PHOTO:x,y"
         )

@@ -11,12 +11,15 @@ from colmap_lazyloc.extras import is_installed
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.posed_images import (
     IMAGE_SUFFIXES,
+    ORIENTATION,
     PHONE_SUFFIXES,
+    SIDEWAYS,
     UNREADABLE_SUFFIXES,
     convertible_suffixes,
     list_images,
     open_photo,
     photo_size,
+    stored_size,
 )
 from colmap_lazyloc.project.folder import Folder, content, fingerprint, remove
 
@@ -26,8 +29,7 @@ UNSAFE = re.compile(r"[\s\\\x00-\x1f\x7f-\x9f\ud800-\udfff]")
 JPEG_QUALITY = 95  # of converted photos
 REFUSED = ".refused"  # ending of the mark of a photo that could not be converted
 PHONE_FORMATS = ("AVIF", "HEIF")  # Pillow's names
-ORIENTATION, MIRRORED = 0x0112, (2, 4, 5, 7)  # tag of EXIF, and its values for mirror images
-SIDEWAYS = (5, 6, 7, 8)  # its values for photos that are shown with width and height exchanged
+MIRRORED = (2, 4, 5, 7)  # values of EXIF's orientation for mirror images
 MAX_NUM_NAMED = 5  # of photos that are left out
 
 
@@ -144,7 +146,7 @@ def stored_pixel(what: str, path: pathlib.Path, x: float, y: float) -> tuple[flo
     photos upright; the project does so only with mirror images. `what` begins the message if there is no such pixel."""
     try:
         with open_photo(path) as photo:
-            (width, height), orientation = photo.size, photo.getexif().get(ORIENTATION)
+            (width, height), orientation = stored_size(photo), photo.getexif().get(ORIENTATION)
     except ImportError:
         raise
     except Exception:  # each decoder raises others for damaged files

@@ -11,7 +11,6 @@
 #include "colmap_lazyloc/epoch/epoch_cameras.h"
 #include "colmap_lazyloc/epoch/epoch_scene.h"
 #include "colmap_lazyloc/epoch/hanging.h"
-#include "colmap_lazyloc/group/uncalibrated_camera.h"
 #include "colmap_lazyloc/scene/equirectangular.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
@@ -24,6 +23,9 @@ constexpr int kMaxNumHangings = 10;  // the length of a chain of photos
 // Shift by adjustment, in standard deviations of the pose before, above which a photo that hangs on others was wrong.
 constexpr double kMaxShiftSigma = 5;
 constexpr int kMaxNumNames = 3;  // in a line
+// Factor on the covariances of adjusted photos. Errors that many points of all photos share, as by a rolling shutter or
+// by the camera model, do not make the photos disagree, so that the adjustment does not see them.
+constexpr double kUnmodelledErrorFactor = 4;
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // True if the photo can be adjusted with others: it has keypoints, and a camera that is not spherical.
@@ -66,7 +68,7 @@ void TakeAdjusted(const EpochScene& epoch, const AdjustedPhotos& adjusted, std::
     if (!photo.record.epoch->is_adjusted) continue;  // it keeps its pose
     result.cam_from_world = RelativeTo(-epoch.origin, relative);
     photo.record.epoch->shift = (CamInWorld(result.cam_from_world) - CamInWorld(photo.localized.cam_from_world)).norm();
-    PoseDistribution pose = MakePoseDistribution(relative, kCommonErrorFactor * adjusted.covariances[i]);
+    PoseDistribution pose = MakePoseDistribution(relative, kUnmodelledErrorFactor * adjusted.covariances[i]);
     result.covariance = pose.CovarianceAt(result.cam_from_world.translation);
     result.spread = pose.Spread();
     const EpochCamera& camera = (*cameras)[photo.camera];

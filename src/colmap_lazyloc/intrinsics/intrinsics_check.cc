@@ -36,7 +36,7 @@ IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, double varia
   const Eigen::Matrix<double, kSize, kSize> inverse = score.information.topLeftCorner<kSize, kSize>().inverse();
   estimate.corrections = inverse * score.score.head<kSize>();
   estimate.sigmas =
-      estimate.corrections.cwiseAbs().cwiseQuotient((variance_factor * inverse).diagonal().cwiseMax(1e-30).cwiseSqrt());
+      estimate.corrections.cwiseAbs().cwiseQuotient((variance_factor * inverse).diagonal().cwiseSqrt());
   const double information = std::max(score.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR), 1e-30);
   estimate.log_focal_factor = score.score[LOG_FOCAL_FACTOR] / information;
   estimate.log_focal_stddev = std::sqrt(variance_factor / information);
@@ -81,6 +81,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   checked.posed = RelativeToGivenDatabase(layout, adjusted);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
+    // Not zero, if the data are exact.
     const double variance_factor = std::max(score.common_error_factor * refined.variance_factor, 1e-30);
     for (const int query : layout.QueriesOf(frame)) {
       const LocalizationProblem& problem = group.images[query].problem;

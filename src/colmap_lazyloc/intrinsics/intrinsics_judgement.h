@@ -3,7 +3,6 @@
 #include <string>
 
 #include "colmap_lazyloc/group/localizer_options.h"
-#include "colmap_lazyloc/group/uncalibrated_camera.h"
 #include "colmap_lazyloc/refinement/intrinsics_score.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 

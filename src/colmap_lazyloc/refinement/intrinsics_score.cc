@@ -190,6 +190,7 @@ class ScoreBuilder {
         score_.information.topLeftCorner<kNumTestedIntrinsics, kNumTestedIntrinsics>().ldlt().solve(
             score_.score.head<kNumTestedIntrinsics>());
     ClusterCovariance<kSize> of_frame;
+    Pattern score = Pattern::Zero();
     PatternMatrix scatter = PatternMatrix::Zero();
     const PatternFromColumns pattern_from_columns = EliminateCorrections();
     for (const size_t track : tracks) {
@@ -197,10 +198,10 @@ class ScoreBuilder {
       if (!influence) continue;
       of_frame.Add(Cluster(tracks_[track]), influence->frame);
       const Pattern of_patterns = pattern_from_columns * influence->score;
+      score += of_patterns;
       scatter += of_patterns * of_patterns.transpose();
     }
     score_.frame_shared_errors = of_frame.Excess(columns.template topRows<kSize>(), kNumClusterParameters);
-    const Pattern score = pattern_from_columns * score_of_columns_;
     const Eigen::CompleteOrthogonalDecomposition<PatternMatrix> solver(scatter);
     const double squares = score.dot(solver.solve(score)), num_squares = static_cast<double>(solver.rank());
     score_.common_error_factor = std::max(1.0, (kCommonErrorFactor + squares) / (1 + num_squares));

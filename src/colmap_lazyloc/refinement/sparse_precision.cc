@@ -35,7 +35,7 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> SparseRootOfPrecision(const Eigen::
   for (Eigen::Index i = 0; i < covariance.cols(); ++i) {
     const std::vector<Eigen::Index> conditions = FindConditions(covariance, i);
     const Eigen::VectorXd shared = covariance(conditions, i);
-    const Eigen::VectorXd weights = covariance(conditions, conditions).llt().solve(shared);
+    const Eigen::VectorXd weights = covariance(conditions, conditions).ldlt().solve(shared);
     // Rounding may leave nothing of the variance of an error that the conditions determine almost.
     const double smallest = std::numeric_limits<double>::epsilon() * covariance(i, i);
     const double root = 1 / std::sqrt(std::max(covariance(i, i) - shared.dot(weights), smallest));

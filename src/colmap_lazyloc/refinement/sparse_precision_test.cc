@@ -45,10 +45,12 @@ TEST(SparseRootOfPrecision, ManyErrorsAreSparseAndNearlyExact) {
   EXPECT_LT(divergence, 3);
 }
 
-TEST(SparseRootOfPrecision, EqualErrorsStayFinite) {
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Constant(3, 3, 0.1);
-  covariance(2, 2) += 1;
-  EXPECT_TRUE(Eigen::MatrixXd(SparseRootOfPrecision(covariance)).allFinite());
+TEST(SparseRootOfPrecision, EqualErrorsCountOnce) {
+  Eigen::Matrix4d covariance;
+  covariance << 1, 1, 0.5, 0.3, 1, 1, 0.5, 0.3, 0.5, 0.5, 1, 0.6, 0.3, 0.3, 0.6, 1;
+  const Eigen::MatrixXd root = SparseRootOfPrecision(covariance);
+  EXPECT_TRUE(root.allFinite());
+  EXPECT_NEAR(1 / std::pow(root(3, 3), 2), 0.64, 1e-9);  // the variance of the last error, given the others
 }
 
 }  // namespace
