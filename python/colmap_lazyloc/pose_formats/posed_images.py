@@ -163,8 +163,8 @@ def open_photo(path: pathlib.Path) -> "PIL.ImageFile.ImageFile":
 
 
 def stored_size(photo: "PIL.Image.Image") -> tuple[int, int]:
-    """Returns the width and height in pixels with which a photo is stored. Pillow exchanges them for a TIFF file that is
-    shown on its side."""
+    """Returns the width and height in pixels with which a photo is stored. Pillow exchanges them for a TIFF file that
+    is shown on its side."""
     width, height = photo.size
     is_exchanged = photo.format == "TIFF" and photo.getexif().get(ORIENTATION) in SIDEWAYS
     return (height, width) if is_exchanged else (width, height)
