@@ -117,7 +117,8 @@ def test_answer_is_the_pose_on_the_earth(server, photos, jpeg, path):
     assert set(content["accuracy"]) == {"position", "orientation"}
     position_error, rotation_error_deg = errors_of(content, pose)
     assert position_error < 0.05 and rotation_error_deg < 0.3
-    assert 0.2 < content["accuracy"]["position"] / 0.02 < 5 and 0.01 < content["accuracy"]["orientation"] < 1
+    assert position_error < 3 * content["accuracy"]["position"] < 0.1
+    assert rotation_error_deg < 3 * content["accuracy"]["orientation"] < 1
 
 
 def test_camera_and_position_make_the_pose_more_accurate(server, photos, jpeg):
@@ -130,7 +131,7 @@ def test_camera_and_position_make_the_pose_more_accurate(server, photos, jpeg):
         content = post(server, request_of(jpeg, **more)).json()
         accuracies.append(content["accuracy"]["position"])
     assert errors_of(content, pose)[0] < 0.005
-    assert accuracies[2] < 0.6 * accuracies[1] and accuracies[2] < 0.6 * accuracies[0]
+    assert accuracies[2] < 0.7 * accuracies[1] and accuracies[2] < 0.7 * accuracies[0]
 
 
 @pytest.mark.parametrize("accuracies", [(0, 0), (0.02, 0), (0.02, None)])
