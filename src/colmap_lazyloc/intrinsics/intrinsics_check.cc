@@ -35,8 +35,7 @@ IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, double varia
   constexpr int kSize = kNumTestedIntrinsics;
   const Eigen::Matrix<double, kSize, kSize> inverse = score.information.topLeftCorner<kSize, kSize>().inverse();
   estimate.corrections = inverse * score.score.head<kSize>();
-  estimate.sigmas =
-      estimate.corrections.cwiseAbs().cwiseQuotient((variance_factor * inverse).diagonal().cwiseSqrt());
+  estimate.sigmas = estimate.corrections.cwiseAbs().cwiseQuotient((variance_factor * inverse).diagonal().cwiseSqrt());
   const double information = std::max(score.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR), 1e-30);
   estimate.log_focal_factor = score.score[LOG_FOCAL_FACTOR] / information;
   estimate.log_focal_stddev = std::sqrt(variance_factor / information);
