@@ -398,6 +398,8 @@ def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys)
         (["--scale", "0.png", "55.png", "2"], "--scale 55.png: is not in --database_images; the nearest is 5.png"),
         (["--scale", "0.png", "0.png", "2"], "expected two different photos or points"),
         (["--scale", "0.png:9,8", "0.png:9,8", "2"], "expected two different photos or points"),
+        (["--scale", "0.png:9,8+1.png:7,6", "1.png:7.0,6+0.png:9,8", "2"], "expected two different photos or points"),
+        (["--scale", "", "0.png", "2"], "expected PHOTO, PHOTO:x,y, or a point in several photos"),
         (["--scale", "0.png:9,8", "5.png:500,8", "2"], "--scale 5.png:500,8: is outside of the photo, which has 480 x"),
         (["--scale", "0.png:9,8+1.png:9,-8", "5.png", "2"], "--scale 1.png:9,-8: is outside of the photo"),
         (["--scale", "0.png", "55.png:9,8", "2"], "--scale 55.png: is not in --database_images; the nearest is 5.png"),

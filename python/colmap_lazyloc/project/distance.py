@@ -90,10 +90,7 @@ class Surface:
 def read_distance(words: Sequence[str], photos: Mapping[str, pathlib.Path]) -> Distance:
     """Reads the three words of --scale; `photos`: the paths of the database images by name."""
     first, second = (_read_end(word, photos) for word in words[:2])
-    if (first.camera, {(mark.photo, *mark.pixel) for mark in first.marks}) == (
-        second.camera,
-        {(mark.photo, *mark.pixel) for mark in second.marks},
-    ):
+    if first == second:
         raise InputError(f"--scale {words[0]} {words[1]}: expected two different photos or points")
     return Distance((first, second), float(words[2]))
 
@@ -118,7 +115,7 @@ def _read_end(text: str, photos: Mapping[str, pathlib.Path]) -> End:
         )
     if begin < len(text):
         raise InputError(f"--scale {text}: is not in --database_images{nearest(text, photos)}")
-    return End(text, marks=tuple(Mark(name, text, pixel) for name, pixel in pixels.items()))
+    return End(text, marks=tuple(Mark(name, "", pixels[name]) for name in sorted(pixels)))
 
 
 def scale_to_distance(
