@@ -8,6 +8,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from conftest import write_lines
 
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.results import read_results, to_pose
@@ -146,6 +147,20 @@ def test_same_input_same_output(start, localized, epoch, tmp_path):
     start(localized.output_path, tmp_path / "output", "--LazyEpoch.with_database", 1)
     for name in ("poses.txt", "model/images.bin", "model/points3D.bin"):
         assert (tmp_path / "output" / name).read_bytes() == (epoch / name).read_bytes()
+
+
+def test_given_intrinsics_stay(localize, start, files, tmp_path):
+    camera = next(files.scene.cameras[image.camera_id] for image in files.scene.images.values() if image.name[0] == "q")
+    params = np.array(camera.params) * 1.0005  # off, but not so far that the images contradict them
+    words = f"{camera.model} {camera.width} {camera.height} {' '.join(map(str, params))}"
+    queries = [f"{name} {words}" for name in files.scene.images if name.startswith("query/")]
+    run = localize(*files.arguments, "--query_list_path", write_lines(tmp_path / "queries.txt", queries))
+    done = start(run.output_path, tmp_path / "output")
+    assert done.returncode == 0, done.stderr
+    results = read_results(tmp_path / "output/results.jsonl")
+    assert all(result["epoch"]["is_adjusted"] for result in results.values() if result["name"] != HIDDEN)
+    cameras = read_model(tmp_path / "output/model").cameras.values()
+    assert [list(camera.params) for camera in cameras] == [params.tolist()]
 
 
 def write_control_points(files, path, *more, shift=(0.0, 0.0, 0.0)):

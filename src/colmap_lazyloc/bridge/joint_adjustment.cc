@@ -61,19 +61,15 @@ Rigid3d FromArray(const Pose& pose) {
   return {Eigen::Quaterniond(pose.data()).normalized(), Eigen::Vector3d(pose[4], pose[5], pose[6])};
 }
 
-// Sets which parameters of a camera stay: the principal point and, if wanted, the distortion.
+// Sets which parameters of a camera stay: at least the principal point.
 void FixParams(const JointCamera& camera, double* params, ceres::Problem* problem) {
   if (camera.is_constant) {
     problem->SetParameterBlockConstant(params);
     return;
   }
   const colmap::Camera converted = ToColmap(camera.camera);
-  std::vector<int> constant;
-  for (const size_t index : converted.PrincipalPointIdxs()) constant.push_back(static_cast<int>(index));
-  if (!camera.refines_distortion) {
-    for (const size_t index : converted.ExtraParamsIdxs()) constant.push_back(static_cast<int>(index));
-  }
-  if (constant.empty()) return;
+  const auto principal_point = converted.PrincipalPointIdxs();
+  const std::vector<int> constant(principal_point.begin(), principal_point.end());
   problem->SetManifold(params, new ceres::SubsetManifold(static_cast<int>(converted.params.size()), constant));
 }
 

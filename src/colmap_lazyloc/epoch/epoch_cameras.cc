@@ -4,6 +4,7 @@
 #include <map>
 #include <string>
 #include <tuple>
+#include <utility>
 
 #include "colmap_lazyloc/math/robust_statistics.h"
 
@@ -13,11 +14,17 @@ namespace {
 // What photos of one camera have in common.
 using CameraKey = std::tuple<int, uint64_t, uint64_t, std::vector<double>, std::string>;
 
-const Camera* FindModelCamera(const Model& model, const Camera& camera) {
+CameraKey KeyOf(const Camera& camera, const std::string& owner) {
+  return {camera.model_id, camera.width, camera.height, camera.params, owner};
+}
+
+// Returns the camera of a localized photo if it is one of the model, or somebody has given it; else null.
+const Camera* FindKnownCamera(const Model& model, const LocalizationResult& result) {
   for (const auto& id_and_camera : model.cameras) {
-    if (SameIntrinsics(id_and_camera.second, camera)) return &id_and_camera.second;
+    if (SameIntrinsics(id_and_camera.second, result.query_camera)) return &id_and_camera.second;
   }
-  return nullptr;
+  const bool is_given = result.intrinsics.origin == IntrinsicsOrigin::GIVEN && !result.is_camera_refined;
+  return is_given ? &result.query_camera : nullptr;
 }
 
 // Returns the median of each parameter, of the cameras with the most frequent model.
@@ -42,28 +49,38 @@ Camera MedianCamera(const std::vector<Camera>& cameras) {
 
 std::vector<EpochCamera> ChooseCameras(const Model& model, const DatabaseReader& database, bool shares,
                                        std::vector<EpochPhoto>* photos) {
-  std::map<CameraKey, int> camera_of_key;
+  std::map<CameraKey, int> camera_of_key, camera_of_stored;
   std::vector<EpochCamera> cameras;
   std::vector<std::vector<Camera>> localized;  // by camera
+  const auto find_or_add = [&](const CameraKey& key, const Camera& camera, bool is_known) {
+    const auto [entry, is_new] = camera_of_key.emplace(key, static_cast<int>(cameras.size()));
+    if (is_new) {
+      cameras.push_back({camera, is_known, 0});
+      localized.emplace_back();
+    }
+    return entry->second;
+  };
   const std::vector<DatabaseImage> images = database.ReadImages();
+  std::vector<std::pair<EpochPhoto*, Camera>> rest;  // photos without a pose
   for (EpochPhoto& photo : *photos) {
     if (!photo.database_id) continue;
     const Camera stored = database.ReadCamera(FindByName(images, photo.Name())->camera_id);
-    const Camera* of_model = photo.is_placed ? FindModelCamera(model, photo.record.result.query_camera) : nullptr;
-    const Camera& common = of_model == nullptr ? stored : *of_model;
-    const CameraKey key(common.model_id, common.width, common.height, common.params,
-                        of_model != nullptr ? "model"
-                        : shares            ? ""
-                                            : photo.Name());
-    const auto [entry, is_new] = camera_of_key.emplace(key, static_cast<int>(cameras.size()));
-    if (is_new) {
-      cameras.push_back({common, of_model != nullptr, 0});
-      localized.emplace_back();
+    if (!photo.is_placed) {
+      rest.emplace_back(&photo, stored);
+      continue;
     }
-    photo.camera = entry->second;
-    if (!photo.is_placed) continue;
+    const CameraKey stored_key = KeyOf(stored, shares ? "" : photo.Name());
+    const Camera* const known = FindKnownCamera(model, photo.record.result);
+    photo.camera = known != nullptr ? find_or_add(KeyOf(*known, "known"), *known, true)
+                                    : find_or_add(stored_key, stored, false);
+    camera_of_stored.emplace(stored_key, photo.camera);
     ++cameras[photo.camera].num_photos;
     localized[photo.camera].push_back(photo.record.result.query_camera);
+  }
+  for (const auto& [photo, stored] : rest) {
+    const CameraKey key = KeyOf(stored, shares ? "" : photo->Name());
+    const auto entry = camera_of_stored.find(key);
+    photo->camera = entry != camera_of_stored.end() ? entry->second : find_or_add(key, stored, false);
   }
   for (size_t i = 0; i < cameras.size(); ++i) {
     if (!cameras[i].is_constant && !localized[i].empty()) cameras[i].camera = MedianCamera(localized[i]);

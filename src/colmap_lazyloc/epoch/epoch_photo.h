@@ -12,7 +12,7 @@ namespace lazyloc {
 // Intrinsics that photos of an epoch share.
 struct EpochCamera {
   Camera camera;
-  bool is_constant = false;  // a camera of the database images
+  bool is_constant = false;  // a camera of the database images, or given
   int num_photos = 0;        // that have it and a pose
 };
 

@@ -18,7 +18,6 @@ namespace lazyloc {
 struct JointCamera {
   Camera camera;
   bool is_constant = false;
-  bool refines_distortion = true;  // besides the focal length
 };
 
 // Image of a joint scene.
