@@ -92,6 +92,8 @@ std::vector<JointPoint> TriangulateJointly(const JointScene& scene, double max_e
   options.create_max_angle_error = options.continue_max_angle_error = 57.29578 * max_error_px / focal_length_px;
   options.merge_max_reproj_error = options.complete_max_reproj_error = max_error_px;
   options.ignore_two_view_tracks = false;
+  // Behind a long lens, a coefficient of the distortion may be larger than COLMAP takes for possible.
+  options.max_extra_param = std::numeric_limits<double>::max();
   colmap::IncrementalTriangulator triangulator(graph, reconstruction);
   for (size_t i = 0; i < scene.images.size(); ++i) {
     if (have_matches[i] && !scene.images[i].is_database)

@@ -16,12 +16,17 @@
 namespace lazyloc {
 namespace {
 
+Camera MakeCamera() {
+  return CameraFromFocalLength(*CameraModelId("SIMPLE_RADIAL"), /*focal_length_px=*/600, 800, 600);
+}
+
 struct SceneOptions {
   int num_photos = 6, num_database = 6;
   double noise_px = 0.5;
   double pose_error_deg = 0.2, position_error = 0.05;  // of the photos; the scene spans about 10
-  double focal_factor = 1;                             // on the photos' focal length
-  double outlier_ratio = 0;                            // of matches
+  Camera photo_camera = MakeCamera();
+  double focal_factor = 1;   // on the photos' focal length
+  double outlier_ratio = 0;  // of matches
   int num_points = 300;
   double database_error_deg = 0, database_error = 0;  // independent ones
   double drift = 0;                                   // of the frame that the database defines, in position
@@ -31,10 +36,6 @@ struct SceneOptions {
 struct TestScene {
   JointScene given, exact;
 };
-
-Camera MakeCamera() {
-  return CameraFromFocalLength(*CameraModelId("SIMPLE_RADIAL"), /*focal_length_px=*/600, 800, 600);
-}
 
 void Drift(double distance, JointImage* image) {
   const Eigen::Vector3d centre = CamInWorld(image->cam_from_world);
@@ -55,7 +56,7 @@ TestScene MakeScene(const SceneOptions& options) {
   Random random(options.seed);
   std::normal_distribution<double> normal;
   TestScene scene;
-  scene.exact.cameras = {{MakeCamera(), false}, {MakeCamera(), true}};
+  scene.exact.cameras = {{options.photo_camera, false}, {MakeCamera(), true}};
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < options.num_points; ++i) points.push_back(RandomVector(&random));
   const int num_images = options.num_photos + options.num_database;
@@ -65,7 +66,7 @@ TestScene MakeScene(const SceneOptions& options) {
     const bool is_database = i >= options.num_photos;
     JointImage image = {is_database ? 1 : 0, LookAt(centre, Eigen::Vector3d::Zero()), is_database, 1, {}};
     for (const Eigen::Vector3d& point : points) {
-      const Eigen::Vector2d xy = *ImageFromCam(MakeCamera(), image.cam_from_world * point);
+      const Eigen::Vector2d xy = *ImageFromCam(scene.exact.cameras[image.camera].camera, image.cam_from_world * point);
       image.keypoints.emplace_back(xy + options.noise_px * Eigen::Vector2d(normal(random), normal(random)));
     }
     scene.exact.images.push_back(std::move(image));
@@ -83,7 +84,7 @@ TestScene MakeScene(const SceneOptions& options) {
   }
   for (JointImage& image : scene.exact.images) Drift(options.drift, &image);
   scene.given = scene.exact;
-  scene.given.cameras[0].camera = WithFocalFactor(MakeCamera(), options.focal_factor);
+  scene.given.cameras[0].camera = WithFocalFactor(options.photo_camera, options.focal_factor);
   for (JointImage& image : scene.given.images) {
     if (!image.is_database) {
       Disturb(options.pose_error_deg, options.position_error, &random, &image);
@@ -163,6 +164,18 @@ TEST(AdjustInRounds, SharedFocalLengthIsFound) {
   ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
   EXPECT_NEAR(MeanFocalLength(scene.given.cameras[0].camera), 600, 2);
   EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.01);
+}
+
+// Coefficients of the distortion are large behind a long lens: this one moves the corners by 6 %.
+TEST(AdjustInRounds, PhotosOfALongLensAreAdjusted) {
+  SceneOptions options;
+  options.photo_camera.params = {/*f=*/2400, 400, 300, /*k=*/1.4};
+  options.pose_error_deg = 0.05;
+  options.position_error = 0.0125;
+  TestScene scene = MakeScene(options);
+  ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
+  EXPECT_GT(scene.given.points.size(), 250u);
+  EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.008);
 }
 
 TEST(AdjustInRounds, FalseMatchesAreLeftOut) {

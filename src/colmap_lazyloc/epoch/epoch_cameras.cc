@@ -71,8 +71,8 @@ std::vector<EpochCamera> ChooseCameras(const Model& model, const DatabaseReader&
     }
     const CameraKey stored_key = KeyOf(stored, shares ? "" : photo.Name());
     const Camera* const known = FindKnownCamera(model, photo.record.result);
-    photo.camera = known != nullptr ? find_or_add(KeyOf(*known, "known"), *known, true)
-                                    : find_or_add(stored_key, stored, false);
+    photo.camera =
+        known != nullptr ? find_or_add(KeyOf(*known, "known"), *known, true) : find_or_add(stored_key, stored, false);
     camera_of_stored.emplace(stored_key, photo.camera);
     ++cameras[photo.camera].num_photos;
     localized[photo.camera].push_back(photo.record.result.query_camera);
