@@ -51,8 +51,8 @@ void ForEachFileOption(Options& o, const Add& add) {
       "gz stddev_deg`. A direction is not used if the images contradict it",
       OptionRole::INPUT);
   add("depth_path", &o.source.depth.depth_path,
-      "Folder of depth maps with the names of the database images: 16-bit PNG, .npy, or .bin files of COLMAP's dense "
-      "stereo; default: no depth maps",
+      "Folder of depth maps, which have the names of the database images: 16-bit PNG, .npy, or .bin files of COLMAP's "
+      "dense stereo; default: no depth maps",
       OptionRole::INPUT);
 }
 
@@ -76,8 +76,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
   add("ImageReader.single_camera", &o.source.single_camera,
       "Assume that one camera at one zoom took all queries that have the same size and no given intrinsics. The "
       "intrinsics of this camera are estimated from up to 20 of these queries together, and written to options.ini. "
-      "Not for groups, rigs and trajectories. By default, only queries that share a camera in the database share "
-      "intrinsics");
+      "This option does not affect groups, rigs and trajectories. By default, only queries that share a camera in the "
+      "database share intrinsics");
   add("ImageReader.single_camera_per_image", &o.source.single_camera_per_image,
       "Estimate the intrinsics of each query without given intrinsics individually, even if several queries share a "
       "camera in the database");
@@ -95,9 +95,9 @@ void ForEachBasicOption(Options& o, const Add& add) {
   add("LazyLocalizer.leave_one_out", &o.source.selection.leave_one_out,
       "Localize each posed image, or each image in --query_list_path, against all other posed images");
   add("LazyLocalizer.intrinsics", &o.localizer.intrinsics,
-      "Use of the intrinsics of queries. auto: estimate the focal length if it comes from EXIF, another image or a "
-      "guess; refuse a query if the images contradict its given intrinsics. given: keep the intrinsics and only "
-      "warn. refine: always estimate the focal length");
+      "How the program uses the intrinsics of queries. auto: estimate the focal length if it comes from EXIF, another "
+      "image or a guess; refuse a query if the images contradict its given intrinsics. given: keep the intrinsics and "
+      "only warn. refine: always estimate the focal length");
   add("LazyLocalizer.world_up", &o.source.priors.world_up,
       "Upward direction in the model, for example 0,0,1; needed for --query_gravity_path");
   add("LazyLocalizer.depth_is_metric", &o.localizer.depth_is_metric,
@@ -116,7 +116,7 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "Assume that lengths in --query_trajectory_path are in the unit of the model; 0: estimate the scale of the "
       "trajectory for each group");
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
-      "Depth that the value 1 in a PNG file of --depth_path stands for, in the unit of the model");
+      "Depth of a pixel with the value 1 in a PNG file of --depth_path, in the unit of the model");
   add("LazyLocalizer.Advanced.on_demand", &o.photos.on_demand,
       "If the database does not contain the SIFT features of a database image, extract these features from the image "
       "file below --image_path when a photo needs them. The program then finds similar images by coarse features of "
@@ -128,7 +128,7 @@ void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
   add("LazyLocalizer.Advanced.cache_gb", &o.photos.cache_gb,
-      "Memory in gigabytes for features of database images, if photos are localized", OptionRole::MACHINE);
+      "Memory in gigabytes for features of database images; used only if photos are localized", OptionRole::MACHINE);
 }
 
 template <typename Options, typename Add>
@@ -137,11 +137,11 @@ void ForEachMethodOption(Options& o, const Add& add) {
       "Expected error of the relative poses of a rig or trajectory, as a displacement of the keypoints in pixels; 0: "
       "the relative poses are exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
-      "Standard deviation of the rotations of database images, in degrees. If this option and "
+      "Standard deviation of the rotation errors of database images, in degrees. If this option and "
       "database_pose_stddev_length are 0, the database poses are exact. If both options are -1, the pose errors are "
       "estimated for each query");
   add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
-      "Standard deviation of the positions of database images, in the unit of the model. If this option and "
+      "Standard deviation of the position errors of database images, in the unit of the model. If this option and "
       "database_pose_stddev_deg are 0, the database poses are exact. If both options are -1, the pose errors are "
       "estimated for each query");
   add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,

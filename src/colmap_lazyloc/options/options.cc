@@ -54,7 +54,8 @@ template <typename Add>
 void ForEachBasicOption(MergerOptions& o, const Add& add) {
   add("input_path", &o.input_path,
       "Folder with the output folders of all shards, or a file with one of these folders per line");
-  add("output_path", &o.output_path, "Folder for the results, as one run of colmap lazy_localizer writes them");
+  add("output_path", &o.output_path,
+      "Folder for the joined results, in the same files as the results of colmap lazy_localizer");
   add("database_path", &o.database_path,
       "COLMAP database of the shards; default: the --database_path with which the shards were run");
   add("model_path", &o.model_path,
