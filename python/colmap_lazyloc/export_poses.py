@@ -64,7 +64,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         type=pathlib.Path,
         metavar="FILE",
         help="for transforms: dataparser_transforms.json of a nerfstudio training, or transforms.json of its data; "
-        "the poses are written in the coordinates of this training or of this data",
+        "the poses are written in the coordinates of this file",
     )
     add(
         OVERWRITE,

@@ -56,8 +56,8 @@ def add_source_options(add: Callable[..., Any]) -> None:
         "--calibration",
         type=pathlib.Path,
         metavar="FILE",
-        help="file with the mounting of the camera on the robot or vehicle, if the poses are of the body, and with "
-        "the intrinsics: sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or calib_cam_to_pose.txt "
+        help="file with the intrinsics. If the poses are of the robot or vehicle, the file also has the mounting of "
+        "the camera: sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or calib_cam_to_pose.txt "
         "(KITTI-360)",
     )
     add(
@@ -145,15 +145,15 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--model",
         type=pathlib.Path,
-        help="for exif: model with geo.json; the positions are converted to its coordinates; default: the origin is "
-        "the mean position of the photos",
+        help="for exif: model with geo.json, to whose coordinates the positions are converted; default: the origin of "
+        "the coordinates is the mean position of the photos",
     )
     add(
         "--rig_config_path",
         type=pathlib.Path,
         metavar="FILE",
         help="rig calibration, if the poses are of the rig's reference camera; the poses of the other cameras are "
-        "computed from it",
+        "computed from this calibration",
     )
     add(
         "--poses",

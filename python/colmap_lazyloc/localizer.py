@@ -114,13 +114,13 @@ class Localizer:
         self, name: str, *, position: PositionPrior | None = None, gravity: GravityPrior | None = None
     ) -> Result:
         """Localizes one of `queries`. If the query belongs to a group or a rig's frame, all images of this group or
-        frame are localized together. The result of the query is returned.
+        frame are localized together. The method returns only the result of the query.
 
         `position`: ((x, y, z), uncertainty), the rough position of the camera in the model's coordinates, for example
         from GPS. The uncertainty is one standard deviation for all coordinates, three standard deviations (one for each
         coordinate), or a 3x3 covariance.
         `gravity`: ((x, y, z), standard deviation in degrees), the downward direction in the camera's axes (x right, y
-        down, z forward). It needs the option world_up.
+        down, z forward). This argument needs the option world_up.
 
         `position` and `gravity` replace the values in the files of the options query_position_path and
         query_gravity_path. If the images contradict a value, the value is not used. `as_dict()["priors"]` of the result

@@ -137,8 +137,8 @@ class Result:
     @property
     def pose_covariance_in_map(self) -> NDArray[np.float64] | None:
         """Returns the 6x6 covariance of world_from_cam, in the order of PoseWithCovariance in ROS. The first three rows
-        and columns belong to the position, the last three to the rotation in rad about the fixed axes of the map
-        (R <- exp(turn) R for the rotation R of world_from_cam). None if unknown."""
+        and columns belong to the position, the last three to the rotation w in rad about the fixed axes of the map
+        (R <- exp(w) R for the rotation R of world_from_cam). None if unknown."""
         return _to_array(self._fields["pose_covariance_in_map"])
 
     @property
@@ -162,8 +162,7 @@ class Result:
     @property
     def top_heading_deg(self) -> float | None:
         """Returns the compass direction in which the upper edge of the photo points, seen from above: 0 is north, 90 is
-        east; None unless LOCALIZED. If a drone's camera looks down,
-        top_heading_deg is usually the heading of the drone."""
+        east; None unless LOCALIZED. If a drone's camera looks down, top_heading_deg is usually the drone's heading."""
         return self._fields["top_heading_deg"]
 
     @property
@@ -179,14 +178,14 @@ class Result:
 
     @property
     def roll_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of roll_deg. 104, the largest value, means an unknown angle. None if not
-        computed."""
+        """Returns the standard deviation of roll_deg; None if unknown. The maximum is 104, which means that every
+        angle is possible."""
         return self._fields["roll_stddev_deg"]
 
     @property
     def top_heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of top_heading_deg. 104, the largest value, means an unknown heading. None if
-        not computed."""
+        """Returns the standard deviation of top_heading_deg; None if unknown. The maximum is 104, which means that
+        every direction is possible."""
         return self._fields["top_heading_stddev_deg"]
 
     @property

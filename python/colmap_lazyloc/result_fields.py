@@ -113,7 +113,7 @@ class RunnerUpFields(TypedDict):
 
 
 class EpochFields(TypedDict):
-    """How the joint adjustment of new photos has changed this photo."""
+    """How the joint adjustment of new photos has changed the pose of this photo."""
 
     hangs_on: str
     is_adjusted: bool

@@ -65,7 +65,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
     )
     add(
         "--program",
-        help="path of colmap on the workers; default: the same path as on this machine, or the Python package",
+        help="path of colmap on the workers; default: the same path as on this machine, or the program in the Python "
+        "package",
     )
     options, words = parser.parse_known_args(arguments)
     for word in words:

@@ -103,8 +103,8 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         type=_positive,
         const=POINT_STDDEV_M,
         metavar="STDDEV",
-        help="with --epoch: place the new photos in the frame of --control_points. STDDEV is the standard deviation "
-        f"of the points' coordinates, in the unit of the model (default: {POINT_STDDEV_M:g})",
+        help="with --epoch: place the new photos in the coordinates of --control_points. STDDEV is the standard "
+        f"deviation of the points' coordinates, in the unit of the model (default: {POINT_STDDEV_M:g})",
     )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
@@ -137,12 +137,12 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         type=pathlib.Path,
         metavar="DIR",
         help="folder of masks: NAME.png for the photo NAME. No features are extracted where a mask is black. Masks "
-        "of database images and of queries may be in its folders `database` and `query`",
+        "of database images and of queries may be in the subfolders `database` and `query`",
     )
     add(
         "--panoramas",
         choices=(*PANORAMA_ROLES,),
-        help="photos that are equirectangular panoramas; panoramas are cut into perspective images",
+        help="which photos are equirectangular panoramas; panoramas are cut into perspective images",
     )
     add(
         "--frames_per_second",
