@@ -90,7 +90,8 @@ def evaluate(
 def summarize(errors: Errors, thresholds: Sequence[tuple[float, float]] = DEFAULT_THRESHOLDS) -> Summary:
     """Returns the median, mean and maximum error of the localized queries, and the recall at each threshold.
 
-    A threshold is a pair: the maximum position error, and the maximum rotation error in degrees.
+    A threshold is a pair: the maximum position error in the unit of the model, and the maximum rotation error in
+    degrees.
     """
     localized = np.array([error for error in errors.values() if error is not None], float).reshape(-1, 2)
 
