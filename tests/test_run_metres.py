@@ -1,5 +1,6 @@
 """Metres for photos without poses: by their GPS, or by a distance between two cameras or two points."""
 
+import csv
 import re
 
 import numpy as np
@@ -12,6 +13,7 @@ from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.demo import survey
 from colmap_lazyloc.demo.scene import build_scene, write_images
 from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.localizer import Localizer
 from colmap_lazyloc.model import POINT2D, Camera, Image, Model, read_model, write_model
 from colmap_lazyloc.points import Points
 from colmap_lazyloc.pose_formats.control_points import Mark
@@ -25,7 +27,7 @@ from colmap_lazyloc.project.distance import MARK_STDDEV_PX, End, locate
 from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.project.photos import stored_pixel
 from colmap_lazyloc.pycolmap_types import image_from_cam
-from colmap_lazyloc.results import read_geodetic
+from colmap_lazyloc.results import read_geodetic, read_results
 from report_pages import ReportPage
 
 ORIGIN = survey.ORIGIN
@@ -168,12 +170,22 @@ def test_run_by_gps(flight, colmap, monkeypatch, tmp_path, capsys):
     for name, place in read_geodetic(output / "localized").items():
         (found,) = ORIGIN.from_geodetic(*np.array(place)[:, None])
         assert np.linalg.norm(found - poses[name.removeprefix("query/")].cam_in_world) < 1.5 * GPS_NOISE_M
+    assert all(angle not in ("", None) for angle in angles(output))
     alignment = (output / "model" / "alignment.txt").read_text().strip()
     assert alignment in printed.err
     notes = ReportPage(output / "report.html").summary["notes"]
     assert f"The coordinates of the database images are {alignment}." in notes
     assert main(words) == 0
     assert "aligned" not in capsys.readouterr().err, "nothing is done again"
+
+
+def angles(output):
+    """Returns the cells of all angles of the localized queries, and the values in results.jsonl."""
+    with (output / "localized" / "positions.csv").open(newline="") as file:
+        cells = [row[name] for row in csv.DictReader(file) for name in row if name.endswith("_deg")]
+    results = read_results(output / "localized" / "results.jsonl").values()
+    names = [f"{angle}{end}" for angle in ("heading", "pitch", "roll") for end in ("_deg", "_stddev_deg")]
+    return [*cells, *(result[name] for result in results for name in names)]
 
 
 @pytest.fixture
@@ -192,7 +204,8 @@ def courtyard(photos, colmap, monkeypatch, tmp_path):
 
 def test_run_by_a_distance(courtyard, photos, capsys):
     centres = {name: pose.cam_in_world for name, pose in photos.poses.items()}
-    courtyard()
+    output = courtyard()
+    assert set(angles(output)) == {"", None}, "it is not known where up is"
     assert (
         "lengths are in units of the model, because no photo has GPS; --scale gives metres" in capsys.readouterr().err
     )
@@ -202,6 +215,10 @@ def test_run_by_a_distance(courtyard, photos, capsys):
     assert "mapping" not in printed.err, "only the scale is new"
     assert "scaled by the distance between 0.png and 5.png," in printed.err and "x (m)" in printed.out
     found = {name: pose.cam_in_world for name, pose in read_poses(output / "localized" / "poses.txt").items()}
+    assert set(angles(output)) == {"", None}
+    with Localizer(output / "database.db", output / "model") as localizer:
+        result = localizer.localize_photo(output / "images" / "query" / "0.png")
+    assert result.is_localized and result.heading_deg is None
     true, measured = (np.linalg.norm(places["query/0.png"] - places["query/1.png"]) for places in (centres, found))
     assert measured == pytest.approx(true, rel=0.01)
 

@@ -144,25 +144,28 @@ class Result:
     @property
     def heading_deg(self) -> float | None:
         """Returns the compass direction of the optical axis, from 0 to 360: 0 is north, 90 is east. North is true north
-        if the model has geographic coordinates; in any other model, north is +y, and up is +z. None unless LOCALIZED.
-        For a camera that looks straight up or down, use top_heading_deg."""
+        if the model has geographic coordinates; in any other model, north is +y, and up is +z. None unless LOCALIZED,
+        or if no axis of the model is known to point up. For a camera that looks straight up or down, use
+        top_heading_deg."""
         return self._fields["heading_deg"]
 
     @property
     def pitch_deg(self) -> float | None:
-        """Returns the angle of the optical axis above the horizon, from -90 to 90; None unless LOCALIZED."""
+        """Returns the angle of the optical axis above the horizon, from -90 to 90; None unless LOCALIZED, or
+        if no axis of the model is known to point up."""
         return self._fields["pitch_deg"]
 
     @property
     def roll_deg(self) -> float | None:
         """Returns the rotation about the optical axis, from -180 to 180, positive if the photo's right side is lower;
-        None unless LOCALIZED."""
+        None unless LOCALIZED, or if no axis of the model is known to point up."""
         return self._fields["roll_deg"]
 
     @property
     def top_heading_deg(self) -> float | None:
         """Returns the compass direction in which the upper edge of the photo points, seen from above: 0 is north, 90 is
-        east; None unless LOCALIZED. If a drone's camera looks down, top_heading_deg is usually the drone's heading."""
+        east; None unless LOCALIZED, or if no axis of the model is known to point up. If a drone's camera looks down,
+        top_heading_deg is usually the heading of the drone."""
         return self._fields["top_heading_deg"]
 
     @property

@@ -47,6 +47,7 @@ LOCALIZED, EPOCH, REPORT, RUN, EARLIER = (
 )  # results, which kept.py keeps
 MATCHES = "matches.db"  # features and matches of the photos, in the folder of an epoch
 ALIGNMENT = "alignment.txt"  # beside a model of the mapper: one sentence on where its metres come from
+ARBITRARY_AXES = "arbitrary_axes.txt"  # beside a model none of whose axes is known to point up; lazy_localizer reads it
 # Of no step; "converted" and the results are kept, the others are written anew.
 OTHER_FILES = ("converted", "images", "masks", "lists", LOCALIZED, EPOCH, REPORT, RUN, EARLIER)
 

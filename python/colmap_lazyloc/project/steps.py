@@ -31,7 +31,16 @@ from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_com
 from colmap_lazyloc.project.alignment import NotAlignedError, align_to_points, align_to_positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
 from colmap_lazyloc.project.distance import Distance, scale_to_distance
-from colmap_lazyloc.project.folder import ALIGNMENT, MATCHES, Folder, Steps, content, fingerprint, remove
+from colmap_lazyloc.project.folder import (
+    ALIGNMENT,
+    ARBITRARY_AXES,
+    MATCHES,
+    Folder,
+    Steps,
+    content,
+    fingerprint,
+    remove,
+)
 from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
 from colmap_lazyloc.project.photos import contents, has_bad_mask, warn_left_out
@@ -303,6 +312,9 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None) ->
     else:
         logger.info(text)
         (folder.model / ALIGNMENT).write_text(f"{text}\n", encoding="utf-8")
+    if isinstance(known, Distance) or not (folder.model / ALIGNMENT).exists():
+        text = "No axis of this model is known to point up, so results have no heading, pitch and roll."
+        (folder.model / ARBITRARY_AXES).write_text(f"{text}\n", encoding="utf-8")
 
 
 def _gps_of_photos(folder: Folder, names: Sequence[str]) -> Positions:

@@ -15,6 +15,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr char kArbitraryAxesText[] =
+    "No axis of this model is known to point up, so results have no heading, pitch and roll.";
+
 void CheckWord(const Json& json, const char* key, const std::string& expected) {
   const std::string found = json.at(key).get<std::string>();
   if (found != expected) throw InputError(std::string(key) + " must be " + expected + ", but is " + found);
@@ -53,6 +56,18 @@ void WriteGeoFile(const std::filesystem::path& path, const GeodeticPoint& origin
                      {"ellipsoid", "WGS84"}};
   OutputFile file(path);
   file.Text() << json.dump(2) << '\n';
+  file.Close();
+}
+
+WorldAxes ReadAxes(const std::filesystem::path& folder) {
+  return {ReadGeoFile(folder / kGeoFile), IsTaken(folder / kArbitraryAxesFile)};
+}
+
+void WriteAxes(const std::filesystem::path& folder, const WorldAxes& axes) {
+  if (axes.geographic_origin) WriteGeoFile(folder / kGeoFile, *axes.geographic_origin);
+  if (!axes.are_arbitrary) return;
+  OutputFile file(folder / kArbitraryAxesFile);
+  file.Text() << kArbitraryAxesText << '\n';
   file.Close();
 }
 

@@ -186,7 +186,7 @@ ModelOnDisk ReadFiles(const std::filesystem::path& folder, const std::string& en
 Model ReadModel(const std::filesystem::path& path) {
   ModelOnDisk read = ReadModelWithPoints(path);
   if (read.model.images.empty()) throw InputError(read.images_path.string() + ": contains no posed image");
-  read.model.geographic_origin = ReadGeoFile(path / kGeoFile);
+  read.model.axes = ReadAxes(path);
   return std::move(read.model);
 }
 

@@ -32,7 +32,7 @@ OutputRows PointsToNumpy(const std::vector<Eigen::Vector<double, num_columns>>& 
   return ToNumpy<OutputRows>(std::move(values), {points.size(), num_columns});
 }
 
-OutputAnswer ToOutput(const QueryRecord& record, const std::optional<GeodeticPoint>& origin) {
+OutputAnswer ToOutput(const QueryRecord& record, const WorldAxes& axes) {
   const std::vector<PointResult>& points = record.result.points;
   std::vector<double> positions;
   std::vector<int32_t> indices, observations;
@@ -46,7 +46,7 @@ OutputAnswer ToOutput(const QueryRecord& record, const std::optional<GeodeticPoi
   }
   const size_t num_observations = observations.size() / 3;
   return {record.result.query_name,
-          ResultLine(record, origin),
+          ResultLine(record, axes),
           PointsToNumpy(record.keypoints),
           ToNumpy<OutputRows>(std::move(positions), {points.size(), 3}),
           ToNumpy<OutputIndices>(std::move(indices), {points.size()}),
@@ -129,10 +129,9 @@ OutputModel ToOutput(const ModelOnDisk& read) {
           ToNumpy<OutputRows>(std::move(poses), {images.size(), 7}), read.images_path.string()};
 }
 
-std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records,
-                                   const std::optional<GeodeticPoint>& origin) {
+std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records, const WorldAxes& axes) {
   std::vector<OutputAnswer> outputs;
-  for (const QueryRecord& record : records) outputs.push_back(ToOutput(record, origin));
+  for (const QueryRecord& record : records) outputs.push_back(ToOutput(record, axes));
   return outputs;
 }
 

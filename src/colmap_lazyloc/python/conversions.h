@@ -12,7 +12,6 @@
 #include <nanobind/ndarray.h>
 
 #include "colmap_lazyloc/formats/model_reader.h"
-#include "colmap_lazyloc/math/geodetic.h"
 #include "colmap_lazyloc/python/python_localizer.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/model.h"
@@ -64,7 +63,7 @@ OutputModel ToOutput(const ModelOnDisk& read);
 // keypoint of each; their observations in database images, k x 3: index of the point, index into `pairs` of the line,
 // keypoint of the database image.
 using OutputAnswer = std::tuple<std::string, std::string, OutputRows, OutputRows, OutputIndices, OutputIndexRows>;
-// origin: of the model on Earth, if it is known.
-std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records, const std::optional<GeodeticPoint>& origin);
+// axes: of the model.
+std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records, const WorldAxes& axes);
 
 }  // namespace lazyloc

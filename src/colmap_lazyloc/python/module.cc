@@ -88,7 +88,7 @@ std::vector<OutputAnswer> Localize(PythonLocalizer& localizer, const Arguments&.
   for (const std::string& problem : localizer.TakeDepthProblems()) {
     if (PyErr_WarnEx(PyExc_UserWarning, AsOneLine(problem).c_str(), 1) != 0) throw nb::python_error();
   }
-  return ToOutput(records, localizer.GeographicOrigin());
+  return ToOutput(records, localizer.Axes());
 }
 
 // Localizes a group. name, position, gravity: a query of it and its prior.

@@ -25,8 +25,7 @@ class PythonLocalizer {
   // model: instead of the one at input_path. Throws like Localizer.
   PythonLocalizer(const CommandOptions& options, std::optional<Model> model);
 
-  // Returns the origin of the model's axes (east, north, up) on Earth, if it is known.
-  const std::optional<GeodeticPoint>& GeographicOrigin() const { return DatabaseModel().geographic_origin; }
+  const WorldAxes& Axes() const { return DatabaseModel().axes; }
   // Returns one line for each problem of the files that is not an error.
   std::vector<std::string> Warnings() const;
   // Returns one line for each depth map that could not be used since the last call.

@@ -75,13 +75,14 @@ CameraAngles AnglesOf(const Eigen::Matrix3d& level_from_cam, const std::optional
 
 }  // namespace
 
-MapPose MakeMapPose(const LocalizationResult& result, const std::optional<GeodeticPoint>& origin) {
+MapPose MakeMapPose(const LocalizationResult& result, const WorldAxes& axes) {
   MapPose pose;
   pose.world_from_cam = Inverse(result.cam_from_world);
   if (result.covariance.allFinite()) {
     pose.covariance = MakePoseDistribution(result.cam_from_world, result.covariance).CovarianceInWorld();
   }
-  const Eigen::Matrix3d level_from_world = LevelFromWorld(origin, pose.world_from_cam.translation);
+  if (axes.are_arbitrary) return pose;
+  const Eigen::Matrix3d level_from_world = LevelFromWorld(axes.geographic_origin, pose.world_from_cam.translation);
   std::optional<Eigen::Matrix3d> turn_covariance;
   if (pose.covariance) {
     turn_covariance = level_from_world * pose.covariance->bottomRightCorner<3, 3>() * level_from_world.transpose();

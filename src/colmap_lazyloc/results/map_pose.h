@@ -4,14 +4,14 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/math/geodetic.h"
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/localization_result.h"
+#include "colmap_lazyloc/scene/world_axes.h"
 
 namespace lazyloc {
 
 struct CameraAngle {
-  double deg = 0;
+  std::optional<double> deg;         // nullopt if no axis of the world is known to point up
   std::optional<double> stddev_deg;  // at most that of an unknown direction, 104; nullopt if the covariance is unknown
 };
 
@@ -46,8 +46,8 @@ struct MapPose {
   CameraAngles angles;
 };
 
-// Returns the pose of a query that has one. origin: of the world's axes (east, north, up) on Earth. With it, north and
-// up of the angles are those at the camera's place, otherwise the world's y and z.
-MapPose MakeMapPose(const LocalizationResult& result, const std::optional<GeodeticPoint>& origin);
+// Returns the pose of a query that has one. With a geographic origin, north and up of the angles are those at the
+// camera's place; otherwise they are the world's y and z. Arbitrary axes give no angles.
+MapPose MakeMapPose(const LocalizationResult& result, const WorldAxes& axes);
 
 }  // namespace lazyloc

@@ -39,7 +39,7 @@ LocalizationResult Moved(LocalizationResult result, const Vector6& tangent) {
 Eigen::Vector4d AnglesDeg(const MapPose& pose) {
   Eigen::Vector4d angles;
   int i = 0;
-  ForEachAngle(pose.angles, [&](const char*, const CameraAngle& angle) { angles[i++] = angle.deg; });
+  ForEachAngle(pose.angles, [&](const char*, const CameraAngle& angle) { angles[i++] = angle.deg.value(); });
   return angles;
 }
 
@@ -60,13 +60,13 @@ void ExpectTransportedCovariance(LocalizationResult result, const std::optional<
   root.topRows<3>() *= 1e-4;
   root.bottomRows<3>() *= 1e-3;
   result.covariance = root * root.transpose();
-  const MapPose pose = MakeMapPose(result, origin);
+  const MapPose pose = MakeMapPose(result, {origin});
   Matrix6 of_pose;
   Eigen::Matrix<double, 4, 6> of_angles;
   const double step = 1e-6;
   for (int i = 0; i < 6; ++i) {
-    const MapPose ahead = MakeMapPose(Moved(result, step * Vector6::Unit(i)), origin);
-    const MapPose behind = MakeMapPose(Moved(result, -step * Vector6::Unit(i)), origin);
+    const MapPose ahead = MakeMapPose(Moved(result, step * Vector6::Unit(i)), {origin});
+    const MapPose behind = MakeMapPose(Moved(result, -step * Vector6::Unit(i)), {origin});
     of_pose.col(i) << (ahead.world_from_cam.translation - behind.world_from_cam.translation) / (2 * step),
         LogSO3(ahead.world_from_cam.rotation * behind.world_from_cam.rotation.conjugate()) / (2 * step);
     const Eigen::Vector4d difference =
@@ -86,11 +86,11 @@ TEST(MapPose, AnglesAreThoseThatMakeTheRotation) {
   for (double heading_deg = 0; heading_deg < 360; heading_deg += 45) {
     for (double pitch_deg = -89.9; pitch_deg < 90; pitch_deg += 29.9) {
       for (double roll_deg = -175; roll_deg < 180; roll_deg += 70) {
-        const MapPose pose = MakeMapPose(Query(heading_deg, pitch_deg, roll_deg), std::nullopt);
-        EXPECT_NEAR(DifferenceDeg(pose.angles.heading.deg, heading_deg), 0, 1e-9);
-        EXPECT_NEAR(pose.angles.pitch.deg, pitch_deg, 1e-9);
-        EXPECT_NEAR(pose.angles.roll.deg, roll_deg, 1e-9);
-        EXPECT_TRUE(pose.angles.heading.deg >= 0 && pose.angles.heading.deg < 360);
+        const MapPose pose = MakeMapPose(Query(heading_deg, pitch_deg, roll_deg), {});
+        EXPECT_NEAR(DifferenceDeg(*pose.angles.heading.deg, heading_deg), 0, 1e-9);
+        EXPECT_NEAR(*pose.angles.pitch.deg, pitch_deg, 1e-9);
+        EXPECT_NEAR(*pose.angles.roll.deg, roll_deg, 1e-9);
+        EXPECT_TRUE(*pose.angles.heading.deg >= 0 && *pose.angles.heading.deg < 360);
       }
     }
   }
@@ -98,21 +98,20 @@ TEST(MapPose, AnglesAreThoseThatMakeTheRotation) {
 
 TEST(MapPose, SignsOfTheAngles) {
   const Eigen::Vector3d right_side =
-      MakeMapPose(Query(0, 0, 10), std::nullopt).world_from_cam.rotation * Eigen::Vector3d::UnitX();
+      MakeMapPose(Query(0, 0, 10), {}).world_from_cam.rotation * Eigen::Vector3d::UnitX();
   EXPECT_LT(right_side.z(), 0) << "roll lowers the right side";
-  const Eigen::Vector3d axis =
-      MakeMapPose(Query(90, 10, 0), std::nullopt).world_from_cam.rotation * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d axis = MakeMapPose(Query(90, 10, 0), {}).world_from_cam.rotation * Eigen::Vector3d::UnitZ();
   EXPECT_NEAR(axis.x(), std::cos(DegToRad(10)), 1e-12) << "heading 90 is east";
   EXPECT_NEAR(axis.z(), std::sin(DegToRad(10)), 1e-12) << "pitch lifts the axis";
-  EXPECT_NEAR(MakeMapPose(Query(300, -60, 0), std::nullopt).angles.top_heading.deg, 300, 1e-9);
-  EXPECT_NEAR(MakeMapPose(Query(300, 60, 0), std::nullopt).angles.top_heading.deg, 120, 1e-9);
+  EXPECT_NEAR(*MakeMapPose(Query(300, -60, 0), {}).angles.top_heading.deg, 300, 1e-9);
+  EXPECT_NEAR(*MakeMapPose(Query(300, 60, 0), {}).angles.top_heading.deg, 120, 1e-9);
 }
 
 TEST(MapPose, CovariancesAreTransportedByTheDerivatives) {
   for (const double pitch_deg : {-89.0, -45.0, 0.0, 30.0, 85.0}) {
     for (const double roll_deg : {-170.0, -4.0, 80.0}) {
       const LocalizationResult result = Query(200, pitch_deg, roll_deg);
-      ExpectTransportedCovariance(result, std::nullopt);
+      ExpectTransportedCovariance(result, {});
       ExpectTransportedCovariance(result, GeodeticPoint{60, 10, 0});
     }
   }
@@ -123,7 +122,7 @@ TEST(MapPose, PositionCovarianceStaysInTheAxesOfTheWorldFarFromTheOrigin) {
   const Eigen::Matrix3d rotation = result.cam_from_world.rotation.toRotationMatrix();
   Eigen::Matrix3d position = Eigen::Vector3d(0.04, 0.01, 0.09).asDiagonal();
   result.covariance.bottomRightCorner<3, 3>() = rotation * position * rotation.transpose();
-  const MapPose pose = MakeMapPose(result, GeodeticPoint{60, 10, 0});
+  const MapPose pose = MakeMapPose(result, {GeodeticPoint{60, 10, 0}});
   EXPECT_LE((pose.covariance->topLeftCorner<3, 3>() - position).norm(), 1e-9);
 }
 
@@ -131,18 +130,18 @@ TEST(MapPose, PositionCovarianceStaysInTheAxesOfTheWorldFarFromTheOrigin) {
 TEST(MapPose, NorthAndUpAreThoseAtTheCameraOnEarth) {
   const GeodeticPoint origin = {60, 10, 0};
   LocalizationResult result = Query(40, -30, 5, {30e3, -20e3, 500});
-  const Eigen::Vector4d in_model = AnglesDeg(MakeMapPose(result, std::nullopt));
+  const Eigen::Vector4d in_model = AnglesDeg(MakeMapPose(result, {}));
   EXPECT_NEAR(in_model[0], 40, 1e-9);
   // The query is turned with the axes of the ground: it has the stated angles at its own place.
   const Eigen::Matrix3d level_from_world =
       EcefFromEnuRotation(GeodeticFromEnu(origin, {30e3, -20e3, 500})).transpose() * EcefFromEnuRotation(origin);
   const Eigen::Quaterniond turn(level_from_world);
   result.cam_from_world = CamFromWorld(result.cam_from_world.rotation * turn, {30e3, -20e3, 500});
-  const Eigen::Vector4d at_place = AnglesDeg(MakeMapPose(result, origin));
+  const Eigen::Vector4d at_place = AnglesDeg(MakeMapPose(result, {origin}));
   EXPECT_NEAR(at_place[0], 40, 1e-9);
   EXPECT_NEAR(at_place[1], -30, 1e-9);
   EXPECT_NEAR(at_place[2], 5, 1e-9);
-  const MapPose far = MakeMapPose(Query(40, -30, 5, {30e3, -20e3, 500}), origin);
+  const MapPose far = MakeMapPose(Query(40, -30, 5, {30e3, -20e3, 500}), {origin});
   const Eigen::Vector4d expected(40.64795737, -29.96420799, 4.62913813, 49.85637089);
   EXPECT_LE((AnglesDeg(far) - expected).norm(), 2e-8);
 }
@@ -151,18 +150,18 @@ TEST(MapPose, CameraThatLooksStraightDownHasTheHeadingOfItsTop) {
   for (const double pitch_deg : {-90.0, 90.0}) {
     LocalizationResult result = Query(30, pitch_deg, 0);
     result.covariance.topLeftCorner<3, 3>() = Eigen::Matrix3d::Identity() * DegToRad(0.1) * DegToRad(0.1);
-    const MapPose pose = MakeMapPose(result, std::nullopt);
+    const MapPose pose = MakeMapPose(result, {});
     const CameraAngles& angles = pose.angles;
-    EXPECT_NEAR(angles.heading.deg, 30, 1e-6);
-    EXPECT_NEAR(angles.pitch.deg, pitch_deg, 1e-5);
-    EXPECT_EQ(angles.roll.deg, 0);
-    EXPECT_NEAR(angles.top_heading.deg, pitch_deg < 0 ? 30 : 210, 1e-9);
+    EXPECT_NEAR(*angles.heading.deg, 30, 1e-6);
+    EXPECT_NEAR(*angles.pitch.deg, pitch_deg, 1e-5);
+    EXPECT_EQ(*angles.roll.deg, 0);
+    EXPECT_NEAR(*angles.top_heading.deg, pitch_deg < 0 ? 30 : 210, 1e-9);
     EXPECT_NEAR(*angles.top_heading.stddev_deg, 0.1, 1e-9);
     EXPECT_NEAR(*angles.pitch.stddev_deg, 0.1, 1e-9);
     EXPECT_NEAR(*angles.heading.stddev_deg, 360 / std::sqrt(12.0), 1e-9) << "the axis has no heading";
     EXPECT_NEAR(*angles.roll.stddev_deg, 360 / std::sqrt(12.0), 1e-9);
     // The angles make the pose also where heading and roll are one.
-    const LocalizationResult again = Query(angles.heading.deg, angles.pitch.deg, angles.roll.deg);
+    const LocalizationResult again = Query(*angles.heading.deg, *angles.pitch.deg, *angles.roll.deg);
     EXPECT_LE(AngularDistanceRad(again.cam_from_world.rotation, result.cam_from_world.rotation), 1e-6);
   }
 }
@@ -172,7 +171,7 @@ TEST(MapPose, CameraThatLooksStraightDownHasTheHeadingOfItsTop) {
 TEST(MapPose, DeviationOfTheHeadingIsThatOfSamplesNearTheVertical) {
   LocalizationResult result = Query(30, -89, 0);
   result.covariance.topLeftCorner<3, 3>() = Eigen::Matrix3d::Identity() * DegToRad(0.1) * DegToRad(0.1);
-  const MapPose pose = MakeMapPose(result, std::nullopt);
+  const MapPose pose = MakeMapPose(result, {});
   Random random(2);
   double square = 0;
   const int num_trials = 20000;
@@ -180,8 +179,8 @@ TEST(MapPose, DeviationOfTheHeadingIsThatOfSamplesNearTheVertical) {
     Vector6 tangent = Vector6::Zero();
     tangent.head<3>() = DegToRad(0.1) * RandomVector(&random);
     tangent.tail<3>().setZero();
-    const MapPose moved = MakeMapPose(Moved(result, tangent), std::nullopt);
-    square += std::pow(DifferenceDeg(moved.angles.heading.deg, 30), 2) / num_trials;
+    const MapPose moved = MakeMapPose(Moved(result, tangent), {});
+    square += std::pow(DifferenceDeg(*moved.angles.heading.deg, 30), 2) / num_trials;
   }
   EXPECT_NEAR(std::sqrt(square) / *pose.angles.heading.stddev_deg, 1, 0.03);
 }
@@ -189,9 +188,9 @@ TEST(MapPose, DeviationOfTheHeadingIsThatOfSamplesNearTheVertical) {
 TEST(MapPose, WithoutCovarianceTheAnglesHaveNoDeviations) {
   LocalizationResult result = Query(30, 10, 5);
   result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
-  const MapPose pose = MakeMapPose(result, std::nullopt);
+  const MapPose pose = MakeMapPose(result, {});
   EXPECT_FALSE(pose.covariance.has_value());
-  EXPECT_NEAR(pose.angles.heading.deg, 30, 1e-9);
+  EXPECT_NEAR(*pose.angles.heading.deg, 30, 1e-9);
   ForEachAngle(pose.angles, [](const char*, const CameraAngle& angle) { EXPECT_FALSE(angle.stddev_deg.has_value()); });
 }
 

@@ -155,7 +155,7 @@ void WriteModel(const std::filesystem::path& folder, const std::filesystem::path
     WriteRigs(folder / "rigs.bin", merged.rigs);
     WriteFrames(folder / "frames.bin", merged.frames);
   }
-  if (model.geographic_origin) WriteGeoFile(folder / kGeoFile, *model.geographic_origin);
+  WriteAxes(folder, model.axes);
   ExternalSorter<PointObservation> observations(scratch_file, kMaxNumObservationsInMemory);
   WritePoints(folder / "points3D.bin", model, merged, records, database.was_matched_with_them, &observations);
   ImageWriter images(folder / "images.bin", model, merged, records, database);

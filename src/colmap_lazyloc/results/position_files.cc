@@ -33,7 +33,8 @@ std::optional<Eigen::Vector3d> AxisStddevs(const MapPose& pose) {
   return pose.covariance->diagonal().head<3>().cwiseMax(0).cwiseSqrt().eval();
 }
 
-std::string Row(const LocalizationResult& result, const std::optional<GeodeticPoint>& origin) {
+std::string Row(const LocalizationResult& result, const WorldAxes& axes) {
+  const std::optional<GeodeticPoint>& origin = axes.geographic_origin;
   std::string row = Cell(ValidUtf8(result.query_name)) + ',' + QueryStatusName(result.status);
   const auto add = [&](const std::optional<Eigen::Vector3d>& numbers) {
     for (int i = 0; i < 3; ++i) row += ',' + (numbers ? Number((*numbers)[i]) : "");
@@ -41,7 +42,7 @@ std::string Row(const LocalizationResult& result, const std::optional<GeodeticPo
   std::optional<MapPose> pose;
   std::optional<Eigen::Vector3d> position, stddevs, place;
   if (result.status == QueryStatus::LOCALIZED) {
-    pose = MakeMapPose(result, origin);
+    pose = MakeMapPose(result, axes);
     position = pose->world_from_cam.translation;
     stddevs = AxisStddevs(*pose);
     const GeodeticPoint point = origin ? GeodeticFromEnu(*origin, *position) : GeodeticPoint();
@@ -52,7 +53,7 @@ std::string Row(const LocalizationResult& result, const std::optional<GeodeticPo
   row += ',' + Number(result.confidence);
   if (origin) add(place);
   ForEachAngle(pose ? pose->angles : CameraAngles(), [&](const char*, const CameraAngle& angle) {
-    row += ',' + (pose ? Number(angle.deg) : "") + ',' + Number(angle.stddev_deg);
+    row += ',' + Number(angle.deg) + ',' + Number(angle.stddev_deg);
   });
   return row;
 }
@@ -76,7 +77,7 @@ Json PointFeature(const LocalizationResult& result, const MapPose& pose, const G
   constexpr const char* kNames[] = {"stddev_east_m", "stddev_north_m", "stddev_up_m"};
   for (int i = 0; i < 3; ++i) properties[kNames[i]] = stddevs ? Json((*stddevs)[i]) : Json();
   ForEachAngle(pose.angles, [&](const std::string& name, const CameraAngle& angle) {
-    properties[name + "_deg"] = angle.deg;
+    properties[name + "_deg"] = *angle.deg;
     properties[name + "_stddev_deg"] = angle.stddev_deg ? Json(*angle.stddev_deg) : Json();
   });
   return Feature("Point", Json::array({point.longitude_deg, point.latitude_deg, point.height_m}), properties);
@@ -103,16 +104,15 @@ std::optional<Json> FieldOfViewFeature(const LocalizationResult& result, const M
 
 }  // namespace
 
-void WritePositionsCsv(const std::filesystem::path& path, const QueryRecords& records,
-                       const std::optional<GeodeticPoint>& origin) {
+void WritePositionsCsv(const std::filesystem::path& path, const QueryRecords& records, const WorldAxes& axes) {
   OutputFile file(path);
   file.Text() << "name,status,x,y,z,stddev_x,stddev_y,stddev_z,confidence"
-              << (origin ? ",latitude_deg,longitude_deg,height_m" : "");
+              << (axes.geographic_origin ? ",latitude_deg,longitude_deg,height_m" : "");
   ForEachAngle(CameraAngles(), [&](const std::string& name, const CameraAngle&) {
     file.Text() << ',' << name << "_deg," << name << "_stddev_deg";
   });
   file.Text() << '\n';
-  records.ForEach([&](const QueryRecord& record) { file.Text() << Row(record.result, origin) << '\n'; });
+  records.ForEach([&](const QueryRecord& record) { file.Text() << Row(record.result, axes) << '\n'; });
   file.Close();
 }
 
@@ -123,7 +123,7 @@ void WritePositionsGeojson(const std::filesystem::path& path, const QueryRecords
   const char* separator = "\n";
   records.ForEach([&](const QueryRecord& record) {
     if (record.result.status != QueryStatus::LOCALIZED) return;
-    const MapPose pose = MakeMapPose(record.result, origin);
+    const MapPose pose = MakeMapPose(record.result, {origin});
     file.Text() << separator << PointFeature(record.result, pose, origin).dump();
     separator = ",\n";
     if (const auto view = FieldOfViewFeature(record.result, pose, origin)) file.Text() << separator << view->dump();

@@ -38,8 +38,8 @@ QueryRecord Localized(const std::string& name) {
 class PositionFiles : public RecordsTest {
  protected:
   // Returns the cells of the table's second line as numbers; NaN for an empty one.
-  std::vector<double> Numbers(const QueryRecord& record, const std::optional<GeodeticPoint>& origin) const {
-    WritePositionsCsv(folder_ / "positions.csv", Stored({record}), origin);
+  std::vector<double> Numbers(const QueryRecord& record, const WorldAxes& axes) const {
+    WritePositionsCsv(folder_ / "positions.csv", Stored({record}), axes);
     std::istringstream text(ReadFile(folder_ / "positions.csv"));
     std::string line, cell;
     std::getline(text, line);
@@ -54,10 +54,17 @@ class PositionFiles : public RecordsTest {
 };
 
 TEST_F(PositionFiles, TableHasPositionsAndDeviationsAlongTheAxesOfTheWorld) {
-  const std::vector<double> numbers = Numbers(Localized("q.jpg"), std::nullopt);
+  const std::vector<double> numbers = Numbers(Localized("q.jpg"), {});
   const double expected[] = {1, -2.5, 0.1, 3, 2, 4, 0.75};
   ASSERT_EQ(numbers.size(), 15);
   for (int i = 0; i < 7; ++i) EXPECT_NEAR(numbers[i], expected[i], 1e-12);
+}
+
+TEST_F(PositionFiles, TableHasNoAnglesIfTheAxesAreArbitrary) {
+  const std::vector<double> numbers = Numbers(Localized("q.jpg"), {std::nullopt, /*are_arbitrary=*/true});
+  ASSERT_EQ(numbers.size(), 15);
+  EXPECT_NEAR(numbers[1], -2.5, 1e-12);
+  for (int i = 7; i < 15; ++i) EXPECT_TRUE(std::isnan(numbers[i]));
 }
 
 TEST_F(PositionFiles, TableHasEveryQueryAndPositionsOfLocalizedOnesOnly) {
@@ -67,7 +74,7 @@ TEST_F(PositionFiles, TableHasEveryQueryAndPositionsOfLocalizedOnesOnly) {
   at_origin.result.cam_from_world.translation = Eigen::Vector3d(-1, -0.1, -1e6);
   at_origin.result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
   WritePositionsCsv(folder_ / "positions.csv",
-                    Stored({Record("a\xE9.jpg", QueryStatus::NO_PAIRS), doubtful, at_origin}), std::nullopt);
+                    Stored({Record("a\xE9.jpg", QueryStatus::NO_PAIRS), doubtful, at_origin}), {});
   EXPECT_EQ(ReadFile(folder_ / "positions.csv"),
             "name,status,x,y,z,stddev_x,stddev_y,stddev_z,confidence,heading_deg,heading_stddev_deg,pitch_deg,"
             "pitch_stddev_deg,roll_deg,roll_stddev_deg,top_heading_deg,top_heading_stddev_deg\n"
@@ -79,12 +86,12 @@ TEST_F(PositionFiles, TableHasEveryQueryAndPositionsOfLocalizedOnesOnly) {
 TEST_F(PositionFiles, TableHasGeographicCoordinatesIfTheOriginIsKnown) {
   const GeodeticPoint origin = {47.3769, 8.5417, 408};
   const GeodeticPoint expected = GeodeticFromEnu(origin, {1, -2.5, 0.1});
-  const std::vector<double> numbers = Numbers(Localized("q.jpg"), origin);
+  const std::vector<double> numbers = Numbers(Localized("q.jpg"), {origin});
   ASSERT_EQ(numbers.size(), 18);
   EXPECT_NEAR(numbers[7], expected.latitude_deg, 1e-12);
   EXPECT_NEAR(numbers[8], expected.longitude_deg, 1e-12);
   EXPECT_NEAR(numbers[9], expected.height_m, 1e-8);
-  EXPECT_EQ(Numbers(Record("q.jpg", QueryStatus::NO_PAIRS), origin).size(), 18);
+  EXPECT_EQ(Numbers(Record("q.jpg", QueryStatus::NO_PAIRS), {origin}).size(), 18);
 }
 
 TEST_F(PositionFiles, TableHasTheAnglesOfLocalizedQueries) {
@@ -95,7 +102,7 @@ TEST_F(PositionFiles, TableHasTheAnglesOfLocalizedQueries) {
   record.result.cam_from_world.rotation = rotation;
   record.result.covariance.setZero();
   record.result.covariance.diagonal().head<3>().setConstant(DegToRad(0.5) * DegToRad(0.5));
-  const std::vector<double> numbers = Numbers(record, std::nullopt);
+  const std::vector<double> numbers = Numbers(record, {});
   const double c = std::cos(DegToRad(10));
   const double expected[] = {90, 0.5 / c, 10, 0.5, 0, 0.5 / c, 270, 0.5 / std::sin(DegToRad(10))};
   ASSERT_EQ(numbers.size(), 15);

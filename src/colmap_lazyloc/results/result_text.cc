@@ -91,15 +91,15 @@ void AddConfidence(const LocalizationResult& result, Json* json) {
 }
 
 // Adds the pose in the map and its angles, which a query has that was localized.
-void AddMapPose(const LocalizationResult& result, const std::optional<GeodeticPoint>& origin, Json* json) {
+void AddMapPose(const LocalizationResult& result, const WorldAxes& axes, Json* json) {
   const bool is_localized = result.status == QueryStatus::LOCALIZED;
-  const MapPose pose = is_localized ? MakeMapPose(result, origin) : MapPose();
+  const MapPose pose = is_localized ? MakeMapPose(result, axes) : MapPose();
   (*json)["world_from_cam"] = is_localized ? PoseToJson(pose.world_from_cam) : Json();
   (*json)["position_covariance"] =
       pose.covariance ? CovarianceToJson<3>(pose.covariance->topLeftCorner<3, 3>()) : Json();
   (*json)["pose_covariance_in_map"] = pose.covariance ? CovarianceToJson<6>(*pose.covariance) : Json();
   ForEachAngle(pose.angles, [&](const std::string& name, const CameraAngle& angle) {
-    (*json)[name + "_deg"] = is_localized ? Json(angle.deg) : Json();
+    (*json)[name + "_deg"] = angle.deg ? Json(*angle.deg) : Json();
     (*json)[name + "_stddev_deg"] = angle.stddev_deg ? Json(*angle.stddev_deg) : Json();
   });
 }
@@ -186,7 +186,7 @@ Json SecondsToJson(const QueryRecord& record) {
   return json;
 }
 
-Json RecordToJson(const QueryRecord& record, const std::optional<GeodeticPoint>& origin) {
+Json RecordToJson(const QueryRecord& record, const WorldAxes& axes) {
   const LocalizationResult& result = record.result;
   Json json;
   json["name"] = result.query_name;
@@ -195,7 +195,7 @@ Json RecordToJson(const QueryRecord& record, const std::optional<GeodeticPoint>&
   json["start"] = result.start;
   AddConfidence(result, &json);
   AddPose(result, &json);
-  AddMapPose(result, origin, &json);
+  AddMapPose(result, axes, &json);
   if (record.epoch) {
     json["epoch"] = {{"hangs_on", record.epoch->hangs_on_others ? "new_photos" : "database"},
                      {"is_adjusted", record.epoch->is_adjusted},
@@ -263,16 +263,15 @@ void WriteRigPoses(const std::filesystem::path& path, const QueryRecords& record
   file.Close();
 }
 
-std::string ResultLine(const QueryRecord& record, const std::optional<GeodeticPoint>& origin) {
-  Json json = RecordToJson(record, origin);
+std::string ResultLine(const QueryRecord& record, const WorldAxes& axes) {
+  Json json = RecordToJson(record, axes);
   EscapeNames(&json);
   return json.dump();  // JSON writes numbers that are not finite as null
 }
 
-void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records,
-                      const std::optional<GeodeticPoint>& origin) {
+void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records, const WorldAxes& axes) {
   OutputFile file(path);
-  records.ForEach([&](const QueryRecord& record) { file.Text() << ResultLine(record, origin) << '\n'; });
+  records.ForEach([&](const QueryRecord& record) { file.Text() << ResultLine(record, axes) << '\n'; });
   file.Close();
 }
 

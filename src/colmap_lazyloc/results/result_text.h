@@ -1,11 +1,10 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
 
-#include "colmap_lazyloc/math/geodetic.h"
 #include "colmap_lazyloc/runs/query_records.h"
+#include "colmap_lazyloc/scene/world_axes.h"
 
 namespace lazyloc {
 
@@ -18,13 +17,12 @@ void WritePoses(const std::filesystem::path& path, const QueryRecords& records);
 // Writes nothing if there is none.
 void WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records);
 
-// origin: of the model's axes (east, north, up) on Earth, if it is known.
+// axes: of the model.
 
 // Returns the line of results.jsonl for a query, without the line break.
-std::string ResultLine(const QueryRecord& record, const std::optional<GeodeticPoint>& origin);
+std::string ResultLine(const QueryRecord& record, const WorldAxes& axes);
 
 // Writes one JSON object a line for every query. A field without a value is null.
-void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records,
-                      const std::optional<GeodeticPoint>& origin);
+void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records, const WorldAxes& axes);
 
 }  // namespace lazyloc

@@ -57,8 +57,8 @@ class ResultText : public RecordsTest {
     }
     return lines;
   }
-  Json JsonOf(const QueryRecord& record, const std::optional<GeodeticPoint>& origin = std::nullopt) const {
-    WriteResultsJson(folder_ / "results.jsonl", Stored({record}), origin);
+  Json JsonOf(const QueryRecord& record, const WorldAxes& axes = {}) const {
+    WriteResultsJson(folder_ / "results.jsonl", Stored({record}), axes);
     return Json::parse(ReadFile(folder_ / "results.jsonl"));
   }
 };
@@ -122,9 +122,9 @@ TEST_F(ResultText, JsonHoldsThePoseInTheMapToTheLastBit) {
   QueryRecord record = Localized();
   record.result.cam_from_world = {Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), {1.0 / 3, -2, 5}};
   record.result.covariance = Eigen::Matrix<double, 6, 6>::Identity() / 7;
-  const GeodeticPoint origin = {47.3769, 8.5417, 408};
-  const MapPose pose = MakeMapPose(record.result, origin);
-  const Json json = JsonOf(record, origin);
+  const WorldAxes axes = {GeodeticPoint{47.3769, 8.5417, 408}};
+  const MapPose pose = MakeMapPose(record.result, axes);
+  const Json json = JsonOf(record, axes);
   EXPECT_EQ(json["world_from_cam"]["qvec"], Json({0.5, -0.5, 0.5, -0.5}));
   EXPECT_EQ(json["world_from_cam"]["tvec"], json["position"]);
   for (int row = 0; row < 6; ++row) {
@@ -136,7 +136,7 @@ TEST_F(ResultText, JsonHoldsThePoseInTheMapToTheLastBit) {
     }
   }
   ASSERT_EQ(json["position_covariance"].size(), 3);
-  EXPECT_EQ(json["heading_deg"], pose.angles.heading.deg);
+  EXPECT_EQ(json["heading_deg"], *pose.angles.heading.deg);
   EXPECT_EQ(json["top_heading_stddev_deg"], *pose.angles.top_heading.stddev_deg);
   EXPECT_NE(json["heading_deg"], JsonOf(record)["heading_deg"]) << "north is that at the camera's place";
 }
@@ -155,6 +155,14 @@ TEST_F(ResultText, JsonHasNoDeviationsWithoutCovarianceAndNoAnglesWithoutConfide
   for (const char* field : {"heading_deg", "pitch_stddev_deg", "world_from_cam", "pose_covariance_in_map"}) {
     EXPECT_TRUE(json[field].is_null()) << field;
   }
+}
+
+TEST_F(ResultText, JsonHasNoAnglesIfTheAxesAreArbitrary) {
+  const Json json = JsonOf(Localized(), {std::nullopt, /*are_arbitrary=*/true});
+  for (const char* angle : {"heading", "pitch", "roll", "top_heading"}) {
+    for (const char* ending : {"_deg", "_stddev_deg"}) EXPECT_TRUE(json.at(std::string(angle) + ending).is_null());
+  }
+  EXPECT_TRUE(json["world_from_cam"].is_object() && json["pose_covariance_in_map"].is_array());
 }
 
 TEST_F(ResultText, JsonHoldsWhatCompetes) {
@@ -229,7 +237,7 @@ TEST_F(ResultText, JsonIsValidForAnyBytesInNames) {
 
 TEST_F(ResultText, JsonHasALineForEveryQuery) {
   const QueryRecord localized = Localized(), failed = Failed();
-  WriteResultsJson(folder_ / "results.jsonl", Stored({localized, failed}), std::nullopt);
+  WriteResultsJson(folder_ / "results.jsonl", Stored({localized, failed}), {});
   std::istringstream text(ReadFile(folder_ / "results.jsonl"));
   std::string first, second, rest;
   std::getline(text, first);
@@ -257,7 +265,7 @@ TEST_F(ResultText, FullDiskIsReported) {
   const QueryRecord localized = Localized();
   EXPECT_THAT(ErrorOf([&] { WritePoses("/dev/full", Stored({localized})); }),
               HasSubstr("/dev/full: cannot be written"));
-  EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", Stored({}), std::nullopt); }),
+  EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", Stored({}), {}); }),
               HasSubstr("none/x: cannot be written"));
 }
 

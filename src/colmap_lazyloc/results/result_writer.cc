@@ -63,15 +63,17 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   StagedOutput staged(output_path_, {}, staging_parent);
   MakeFolder(staged / "model");
   WritePoses(staged / "poses.txt", records);
-  WriteResultsJson(staged / "results.jsonl", records, model.geographic_origin);
-  WritePositionsCsv(staged / "positions.csv", records, model.geographic_origin);
+  WriteResultsJson(staged / "results.jsonl", records, model.axes);
+  WritePositionsCsv(staged / "positions.csv", records, model.axes);
   WriteModel(staged / "model", staged / "observations", model, records, database);
   OutputFile options_file(staged / "options.ini");
   options_file.Text() << options_ini;
   options_file.Close();
   WriteRigPoses(staged / kRigPosesFile, records);
   if (leave_one_out != nullptr) WriteLeaveOneOut(staged / kLeaveOneOutFile, *leave_one_out);
-  if (model.geographic_origin) WritePositionsGeojson(staged / kGeojsonFile, records, *model.geographic_origin);
+  if (const auto& origin = model.axes.geographic_origin) {
+    WritePositionsGeojson(staged / kGeojsonFile, records, *origin);
+  }
   std::vector<std::string> entries = {"poses.txt", "results.jsonl", "positions.csv", "options.ini", "model"}, stale;
   for (const char* name : {kRigPosesFile, kLeaveOneOutFile, kGeojsonFile}) {
     (IsTaken(staged / name) ? entries : stale).emplace_back(name);

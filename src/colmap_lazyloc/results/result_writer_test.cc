@@ -142,14 +142,15 @@ TEST_F(ResultWriterTest, SummaryOfLeaveOneOutIsThatOfTheLastRun) {
 }
 
 TEST_F(ResultWriterTest, MapIsThatOfTheLastRun) {
-  model_.geographic_origin = {47, 8, 400};
+  model_.axes.geographic_origin = {47, 8, 400};
   Write();
   EXPECT_TRUE(fs::exists(output_ / "positions.geojson"));
-  EXPECT_EQ(ReadModel(output_ / "model").geographic_origin->height_m, 400);
-  model_.geographic_origin.reset();
+  EXPECT_EQ(ReadModel(output_ / "model").axes.geographic_origin->height_m, 400);
+  model_.axes = {std::nullopt, /*are_arbitrary=*/true};
   Write();
   EXPECT_FALSE(fs::exists(output_ / "positions.geojson"));
-  EXPECT_FALSE(ReadModel(output_ / "model").geographic_origin.has_value());
+  EXPECT_FALSE(ReadModel(output_ / "model").axes.geographic_origin.has_value());
+  EXPECT_TRUE(ReadModel(output_ / "model").axes.are_arbitrary);
 }
 
 TEST_F(ResultWriterTest, PhotoWithoutKeypointsMayBeLocalizedByItsRig) {

@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "colmap_lazyloc/math/geodetic.h"
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/rig.h"
+#include "colmap_lazyloc/scene/world_axes.h"
 
 namespace lazyloc {
 
@@ -32,8 +31,7 @@ struct Model {
   // also name images that are not in `images`.
   std::map<uint32_t, Rig> rigs;
   std::map<uint32_t, ModelFrame> frames;
-  // Origin of the axes, which are then east, north and up, in metres; nullopt if the place on Earth is unknown.
-  std::optional<GeodeticPoint> geographic_origin;
+  WorldAxes axes;
 };
 
 // Returns the image of a name, of a list sorted by name; null if there is none.
