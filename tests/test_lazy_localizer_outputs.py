@@ -441,6 +441,12 @@ def test_second_run_replaces_the_first_and_keeps_other_files(localize, noisy, tm
     (tmp_path / "list.txt").write_text("query/001.jpg\n")
     second = localize(*noisy.arguments, "--query_list_path", tmp_path / "list.txt", output_path=tmp_path / "output")
     assert list(second.poses) == list(second.results) == ["query/001.jpg"]
+    results = first.output_path / "results.jsonl"
+    assert "WARNING" not in first.stderr
+    assert f"WARNING: {results}: this run replaces the results of 2 other queries\n" in second.stderr
+    results.write_text(results.read_text() + "damaged\n")
+    again = localize(*noisy.arguments, output_path=tmp_path / "output")
+    assert "WARNING" not in again.stderr, "every query of the earlier run is in this one"
     assert (first.output_path / "notes.txt").read_text() == "mine"
     assert len(list(first.output_path.iterdir())) == 6
 

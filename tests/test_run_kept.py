@@ -203,6 +203,7 @@ def test_other_queries_and_options_leave_earlier_results(run, photos, tmp_path, 
         "localizing" not in printed.err and "1 of 1 queries localized" in printed.out and "query/0.png" in printed.out
     )
     assert files(folder.localized) == first
+    assert "replaces the results" not in folder.log.read_text()
     assert (
         main(["export", str(folder.path / "earlier" / "2"), "--format", "poses", "--output", str(tmp_path / "p")]) == 1
     )

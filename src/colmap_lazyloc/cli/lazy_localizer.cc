@@ -4,6 +4,8 @@
 #include <iostream>
 #include <mutex>
 #include <optional>
+#include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -12,11 +14,13 @@
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/cli/run_results.h"
+#include "colmap_lazyloc/formats/localized_results.h"
 #include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/localizer/localizer.h"
 #include "colmap_lazyloc/options/options.h"
 #include "colmap_lazyloc/results/leave_one_out.h"
 #include "colmap_lazyloc/runs/unfinished_run.h"
+#include "colmap_lazyloc/scene/format.h"
 
 #ifdef __GLIBC__
 #include <malloc.h>
@@ -57,6 +61,21 @@ bool IsFinishedShard(const CommandOptions& options, const RunManifest& manifest)
   if (!manifest.ChangeSince(*finished).empty()) return false;
   std::cerr << options.output_path << ": shard " << manifest.shard->Text() << " is finished" << std::endl;
   return true;
+}
+
+// Warns early of results of other queries in the output folder, because this run replaces them.
+void WarnOfReplacedResults(const std::string& output_path, const QuerySource& source,
+                           const std::vector<size_t>& groups) {
+  const std::filesystem::path path = std::filesystem::path(output_path) / kResultsFile;
+  std::set<std::string> names = ReadNamesOfResults(path);
+  for (const size_t group : groups) {
+    for (const QueryFrame& frame : source.Selection().Groups().At(group)) {
+      for (const QueryFrame::Image& image : frame.images) names.erase(ValidUtf8(image.name));
+    }
+  }
+  if (names.empty()) return;
+  const std::string count = names.size() == 1 ? "1 other query" : std::to_string(names.size()) + " other queries";
+  PrintWarning(path.string() + ": this run replaces the results of " + count);
 }
 
 // Localizes the queries that are not done, one group per task. Begins no new group if it is interrupted.
@@ -107,6 +126,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   const std::vector<size_t> groups = GroupsOfShard(source, ParseShard(options.shard));
   const RunManifest manifest = MakeManifest(options, source, model_fingerprint, groups);
   if (options.resume && IsFinishedShard(options, manifest)) return EXIT_SUCCESS;
+  WarnOfReplacedResults(options.output_path, source, groups);
   if (!manifest.extraction.empty()) std::cerr << manifest.extraction << std::endl;
   UnfinishedRun run(options.output_path, manifest, options.Start());
   const RunSize size = {manifest.num_own_queries, run.NumQueriesDone(),

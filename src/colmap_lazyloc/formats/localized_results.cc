@@ -14,8 +14,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr char kResultsFile[] = "results.jsonl";
-
 template <typename Enum>
 void ReadEnum(const Json& name, Enum* value) {
   const auto& names = kEnumNames<Enum>;
@@ -89,6 +87,17 @@ std::vector<LocalizationResult> ReadLocalizedResults(const std::filesystem::path
     result.query_camera = model.cameras.at(image->camera_id);
   }
   return results;
+}
+
+std::set<std::string> ReadNamesOfResults(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::set<std::string> names;
+  for (std::string line; std::getline(file, line);) {
+    const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+    const auto name = json.find("name");
+    if (name != json.end() && name->is_string()) names.insert(name->get<std::string>());
+  }
+  return names;
 }
 
 }  // namespace lazyloc
