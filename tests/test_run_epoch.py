@@ -15,6 +15,7 @@ from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project.epoch import common_cameras, epoch_pairs, warn_of_rigs
 from colmap_lazyloc.pycolmap_types import image_from_cam
 from colmap_lazyloc.results import find_results, read_results
+from report_pages import ReportPage
 
 POSE = {"qvec": [1.0, 0.0, 0.0, 0.0], "tvec": [0.0, 0.0, 0.0]}
 
@@ -75,6 +76,10 @@ def test_run_places_photos_and_keeps_database_poses(colmap, photos, monkeypatch,
     assert json.loads((tmp_path / "out/epoch/changes.json").read_text()) == []
     with DatabaseReader(tmp_path / "out/epoch/matches.db") as database:
         assert tuple(photos.database_names[:2]) in database.matched_pairs()
+    page = (tmp_path / "out/report.html").read_bytes()
+    assert main(["report", str(tmp_path / "out")]) == 0
+    again = ReportPage(tmp_path / "out/report.html")
+    assert (tmp_path / "out/report.html").read_bytes() == page and again.photos
 
 
 def test_control_points_place_new_photos(colmap, photos, monkeypatch, tmp_path, capsys):

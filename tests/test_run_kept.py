@@ -194,6 +194,11 @@ def test_other_queries_and_options_leave_earlier_results(run, photos, tmp_path, 
     assert files(folder.path / "earlier" / "1" / "localized") == first
     assert list(read_results(find_run(folder.path).results / "results.jsonl")) == ["query/1.png"]
     assert 'href="earlier/1/report.html"' in folder.report.read_text()
+    page = folder.report.read_bytes()
+    assert main(["report", str(folder.path)]) == 0
+    assert folder.report.read_bytes() == page, "with the photos and the links"
+    assert main(["report", str(folder.path / "earlier" / "1")]) == 1, "its photos are others by now"
+    assert "required: --output" in capsys.readouterr().err
     run("1.png", "--LazyLocalizer.seed", "3")
     assert sorted(path.name for path in (folder.path / "earlier").iterdir()) == ["1", "2"]
     capsys.readouterr()

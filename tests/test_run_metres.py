@@ -175,6 +175,10 @@ def test_run_by_gps(flight, colmap, monkeypatch, tmp_path, capsys):
     assert alignment in printed.err
     notes = ReportPage(output / "report.html").summary["notes"]
     assert f"The coordinates of the database images are {alignment}." in notes
+    page = (output / "report.html").read_bytes()
+    assert main(["report", str(output)]) == 0
+    assert (output / "report.html").read_bytes() == page, "with the photos, the matches and the reference system"
+    capsys.readouterr()
     assert main(words) == 0
     assert "aligned" not in capsys.readouterr().err, "nothing is done again"
 

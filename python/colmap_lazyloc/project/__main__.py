@@ -34,7 +34,7 @@ from colmap_lazyloc.project.alignment import check_marks
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.distance import Distance, read_distance
 from colmap_lazyloc.project.epoch import Survey, adjust_epoch
-from colmap_lazyloc.project.folder import DATABASE, MATCHES, QUERY, RECORD, Folder, Steps, content, fingerprint
+from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, content, fingerprint
 from colmap_lazyloc.project.frames import is_video, write_frames
 from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.options import (
@@ -138,14 +138,13 @@ def _run(arguments: Sequence[str] | None) -> int:
     steps.make_model(project, used, posed, not database.widths, known)
     survey = _survey(project, options, [*used, *queries.linked.values()])
     _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
-    results, database_path = project.folder.localized, project.folder.database
-    if has_stored_queries(options):
-        database_path = project.folder.query_database
+    results = project.folder.localized
     if options.epoch is not None and _has_pose(results):
-        adjust_epoch(project, database_path if has_stored_queries(options) else None, options.epoch == "both", survey)
-        results, database_path = project.folder.epoch, project.folder.epoch / MATCHES
+        stored = project.folder.query_database if has_stored_queries(options) else None
+        adjust_epoch(project, stored, options.epoch == "both", survey)
+        results = project.folder.epoch
     options.unit = METRE if known is not None else options.unit
-    _write_report(project.folder, results, database_path, options)
+    _write_report(project, results, options)
     project.results.link()
     num_lost = _print_results(results, project.folder.report, queries.shown(), options.unit)
     if lazy is not None:
@@ -378,30 +377,28 @@ def _has_pose(results: pathlib.Path) -> bool:
     return any(pose_of(result) is not None for result in read_results(results / RESULTS).values())
 
 
-def _write_report(folder: Folder, results: pathlib.Path, database: pathlib.Path, options: argparse.Namespace) -> None:
+def _write_report(project: steps.Project, results: pathlib.Path, options: argparse.Namespace) -> None:
     """Writes the report. If it fails, it warns, because the results are there."""
     from colmap_lazyloc.report.__main__ import main as write_report
 
-    folder.report.unlink(missing_ok=True)
-    words = [str(results), "--database_path", str(database), "--output", str(folder.report)]
-    if options.unit is not None:
-        words += ["--unit", options.unit]
+    report: pathlib.Path = project.folder.report
+    report.unlink(missing_ok=True)
+    settings = {} if options.unit is None else {"unit": options.unit}
     if options.crs is not None and read_geodetic(results):
-        words += ["--crs", options.crs]
+        settings["crs"] = options.crs
     elif options.crs is not None and options.poses is None:
         logger.warning("--crs %s has no effect, because the coordinates are not geographic", options.crs)
-    if is_installed("cv2"):
-        words += ["--image_path", str(folder.images)]
-    else:
+    project.results.note_report(settings)
+    if not is_installed("cv2"):
         logger.warning("no photos in the report: %s", install_command("run", ["cv2"]))
     logger.info("writing the report")
     cause = "the line above says why"
     try:
-        write_report(words)
+        write_report([str(results), "--output", str(report)])
     except Exception as error:
         cause = f"{type(error).__name__}: {error}"
-    if not folder.report.exists():
-        logger.warning("%s: the report was not written (%s); the results are in %s", folder.report, cause, results)
+    if not report.exists():
+        logger.warning("%s: the report was not written (%s); the results are in %s", report, cause, results)
 
 
 def _print_results(folder: pathlib.Path, report: pathlib.Path, shown: dict[str, str], unit: str | None) -> int:

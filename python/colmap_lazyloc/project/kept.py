@@ -75,6 +75,10 @@ class KeptResults:
         """Notes that the results at the top are complete."""
         _write(self._folder.path, {**_read(self._folder.path), "finished": True})
 
+    def note_report(self, settings: Mapping[str, str]) -> None:
+        """Notes options of the report for `report_settings`."""
+        _write(self._folder.path, {**_read(self._folder.path), "report": settings})
+
     def link(self) -> None:
         """Links the page at the top with those of earlier runs."""
         links = [
@@ -126,6 +130,12 @@ class KeptResults:
         for name in FILES:
             if (source / name).exists():
                 (source / name).replace(target / name)
+
+
+def report_settings(folder: Folder) -> dict[str, str]:
+    """Returns options of the report of the newest results: `unit` and `crs`, as far as the run was given them."""
+    settings: dict[str, str] = _read(folder.path).get("report", {})
+    return settings
 
 
 def _read(folder: pathlib.Path) -> dict[str, Any]:

@@ -5,6 +5,9 @@
 RUN is the output folder of `colmap lazy_localizer` or of `lazyloc run`. The page shows where each query was taken, how
 certain the pose is, and which matches support the pose. Lengths are in metres if you pass --unit m or if the run has
 geographic coordinates; otherwise, lengths are in the unit of the database.
+
+For the newest results of `lazyloc run`, all options have defaults: `lazyloc report RUN` writes the page of the run
+again.
 """
 
 import argparse
@@ -14,17 +17,20 @@ from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError, Parser, command
 from colmap_lazyloc.evaluate import read_any_poses
+from colmap_lazyloc.extras import is_installed
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
 from colmap_lazyloc.pose_formats.registry import FORMATS
 from colmap_lazyloc.pose_formats.trajectories import tum_text
 from colmap_lazyloc.pose_formats.writing import raw_poses
+from colmap_lazyloc.project.folder import MATCHES, REPORT
+from colmap_lazyloc.project.kept import report_settings
 from colmap_lazyloc.report.build import Sources, build_page
 from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 from colmap_lazyloc.report.output import check_output, write_file, write_folder
-from colmap_lazyloc.report.page import PAGE_NAME, page_files, single_page
+from colmap_lazyloc.report.page import PAGE_NAME, page_files, read_links, set_links, single_page
 from colmap_lazyloc.report.plots import plot_files
 from colmap_lazyloc.report.run import Run, read_run
-from colmap_lazyloc.results import find_results
+from colmap_lazyloc.results import find_results, find_run
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -35,17 +41,21 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("run", type=pathlib.Path, help="output folder of a run")
     parser.add_argument(
-        "--output", type=pathlib.Path, required=True, help="page to write; with --split, folder to write"
+        "--output",
+        type=pathlib.Path,
+        help="page to write; with --split, folder to write; default for `lazyloc run`: report.html, or the "
+        "folder report, in RUN",
     )
     parser.add_argument(
         "--image_path",
         type=pathlib.Path,
-        help="folder with the photos of queries and database images; default: the page shows no photos",
+        help="folder with the photos of queries and database images; default: the photos of `lazyloc run`, else the "
+        "page shows no photos",
     )
     parser.add_argument(
         "--database_path",
         type=pathlib.Path,
-        help="COLMAP database of the run; default: rejected matches are not drawn",
+        help="COLMAP database of the run; default: the database of `lazyloc run`, else rejected matches are not drawn",
     )
     parser.add_argument(
         "--ground_truth",
@@ -63,13 +73,13 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--unit",
         choices=(METRE, MODEL_UNITS),
-        help="unit of lengths: m (metres) or the unknown unit of the database; default: m if the run has geographic "
-        "coordinates",
+        help="unit of lengths: m (metres) or the unknown unit of the database; default: the unit of `lazyloc run`, "
+        "else m if the run has geographic coordinates",
     )
     parser.add_argument(
         "--crs",
         help="also show positions in this coordinate reference system, for example EPSG:32632; needs geographic "
-        "coordinates and pyproj",
+        "coordinates and pyproj; default: --crs of `lazyloc run`",
     )
     _add_bounds(parser)
     _add_other_files(parser)
@@ -120,11 +130,12 @@ def _count(text: str) -> int:
 @command(name="lazyloc report", extra="report")
 def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
+    results = _use_defaults(options)
     check_output(options.output, options.split, PAGE_NAME)
     if options.image_path is not None and not options.image_path.is_dir():
         raise InputError(f"--image_path {options.image_path}: is not a folder")
     truth = None if options.ground_truth is None else read_any_poses(options.ground_truth)
-    run = read_run(find_results(options.run), truth, options.unit)
+    run = read_run(results, truth, options.unit)
     if truth is not None and not run.truth:
         raise InputError(f"--ground_truth {options.ground_truth}: has no pose of any query")
     sources = Sources(
@@ -137,9 +148,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
         size = write_folder(options.output, page_files(title, chunks, photos))
         path = options.output / PAGE_NAME
     else:
-        size = write_file(options.output, (piece.encode() for piece in single_page(title, chunks, photos)))
-        path = options.output
+        path, links = options.output, read_links(options.output)
+        size = write_file(path, (piece.encode() for piece in single_page(title, chunks, photos)))
+        if links:
+            set_links(path, links)
     print(f"{path}  ({size / 1e6:.1f} MB)")
+
+
+def _use_defaults(options: argparse.Namespace) -> pathlib.Path:
+    """Sets options that were not given to what `lazyloc run` has used, if RUN has its newest results; returns the
+    folder of the results. Photos and databases of earlier results may be gone, or be others by now."""
+    results, project = find_results(options.run), find_run(options.run).project
+    if project is None or results.resolve().parent != project.path.resolve():
+        if options.output is None:
+            raise InputError(f"required: --output, because {options.run} has no results of the last `lazyloc run`")
+        return results
+    options.output = options.output or options.run / ("report" if options.split else REPORT)
+    if is_installed("cv2"):
+        options.image_path = options.image_path or project.images
+    databases = (results / MATCHES, project.query_database, project.database)
+    options.database_path = options.database_path or next(filter(pathlib.Path.is_file, databases), None)
+    for name, value in report_settings(project).items():
+        setattr(options, name, getattr(options, name) or value)
+    return results
 
 
 def _write_others(run: Run, options: argparse.Namespace) -> None:

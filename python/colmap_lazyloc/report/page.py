@@ -46,6 +46,15 @@ def set_links(page: pathlib.Path, links: str) -> None:
         write_file(page, (text if line.startswith(begin) else line for line in lines))
 
 
+def read_links(page: pathlib.Path) -> str:
+    """Returns the HTML with links that `set_links` has written into a page; empty if there is none."""
+    if not page.is_file():
+        return ""
+    with page.open("rb") as lines:
+        line = next((line for line in lines if line.startswith(LINKS.encode())), b"")
+    return line.decode().removeprefix(LINKS).removesuffix("</nav>\n")
+
+
 def _head_and_script(title: str, is_split: bool) -> tuple[str, str]:
     """Returns what stands before the data, and after it."""
     try:
