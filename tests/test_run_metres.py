@@ -318,8 +318,33 @@ def test_corner_that_is_marked_in_two_photos_is_not_on_the_floor():
 
 def test_marks_that_contradict_each_other_are_uncertain():
     table, top = Table(), (0.33, 0.21, 4 + 0.2 * 0.33)
-    good, bad = (table.locate(top, "ab", (0, error_px)).covariance[2, 2] for error_px in (1, 30))
+    good, bad = (np.trace(table.locate(top, "ab", (0, error_px)).covariance) for error_px in (1, 30))
     assert bad > 4 * good
+
+
+@pytest.mark.parametrize(("noise_ratio", "has_background"), [(1, False), (3, False), (1, True)])
+@pytest.mark.parametrize("num_photos", [2, 3, 5])
+def test_stated_deviation_of_marks_is_their_scatter(num_photos, noise_ratio, has_background):
+    """The points of the model next to the marks are 4 m behind the place, or there are none."""
+    noise_px = noise_ratio * MARK_STDDEV_PX
+    rng, camera, place = np.random.default_rng(1), Table.CAMERA, np.array([0.3, 0.2, 4.0])
+    wall = np.array([(x, y, 8) for x in np.linspace(-3, 3, 40) for y in np.linspace(-3, 3, 40)])
+    points = Points(np.arange(len(wall)), wall if has_background else wall + [1e4, 0, 0])
+    images = {}
+    for i, x in enumerate(np.linspace(-0.6, 0.6, num_photos)):
+        pose = Pose(np.eye(4)[0], np.array([-x, -0.1 * (i % 2), 0]))
+        keypoints = np.zeros(len(points), POINT2D)
+        keypoints["x"], keypoints["y"] = image_from_cam(camera, pose(points.xyz)).T
+        keypoints["point3d_id"] = points.ids
+        images[str(i)] = Image(str(i), 1, pose, i, keypoints)
+    found = []
+    for _ in range(100):
+        pixels = {name: image_from_cam(camera, image.pose(place[None]))[0] for name, image in images.items()}
+        marks = [Mark(name, "", tuple(pixel + noise_px * rng.normal(size=2))) for name, pixel in pixels.items()]
+        found.append(locate(End("", marks=tuple(marks)), Model({1: camera}, images), points))
+    scatter = np.sqrt(np.mean([(each.xyz - place) ** 2 for each in found], axis=0))
+    stated = np.sqrt(np.mean([np.diag(each.covariance) for each in found], axis=0))
+    assert np.all((stated / scatter > 0.7) & (stated / scatter < 1.4)), stated / scatter
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])

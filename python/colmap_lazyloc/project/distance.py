@@ -2,9 +2,10 @@
 photos."""
 
 import dataclasses
+import functools
 import pathlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -23,6 +24,7 @@ MARK = re.compile(r"(.+?):(-?\d+(?:\.\d*)?),(-?\d+(?:\.\d*)?)(?:\+(?=.)|$)")  # 
 MARK_STDDEV_PX = 2.0
 NUM_NEIGHBORS = 12  # points of the model from which a mark in one photo takes its depth
 MAX_RADIUS_RATIO = 0.1  # of the circle around the mark in which they are, in the longer side of the photo
+MAX_DEVIATION_SIGMA = 3.0  # of a surface from where the marks meet
 MIN_STDDEV_RATIO, MAX_STDDEV_RATIO = 1e-4, 0.1  # of a depth, and of a distance
 
 
@@ -163,21 +165,44 @@ def locate(end: End, model: Model, points: Points) -> Place:
     start = intersect(views)
     if start is None and not surfaces:
         raise InputError(f"--scale {end.text}: {reason}")
-    return _adjust(views, surfaces, surfaces[0].meet() if start is None else start)
-
-
-def _adjust(views: Sequence[View], surfaces: Sequence[Surface], start: Floats) -> Place:
-    """Returns the place that fits the marks and the surfaces best. Surfaces that contradict the marks count little: the
-    points next to the mark of a table's corner may be on the floor."""
-    import scipy.optimize
 
     def errors(xyz: Floats) -> Floats:
-        marks = [view.error_px(xyz) / MARK_STDDEV_PX for view in views]
-        return np.concatenate([*marks, [surface.error(xyz) for surface in surfaces]])
+        return np.concatenate([view.error_px(xyz) / MARK_STDDEV_PX for view in views])
 
-    fit = scipy.optimize.least_squares(errors, start, loss="soft_l1", x_scale="jac")
-    variance_factor = max(1.0, 2 * fit.cost / max(1, len(fit.fun) - 3))
-    return Place(fit.x, variance_factor * np.linalg.inv(fit.jac.T @ fit.jac))
+    if start is not None:
+        return functools.reduce(_combine, surfaces, _intersection(errors, start))
+
+    def all_errors(xyz: Floats) -> Floats:
+        return np.append(errors(xyz), [surface.error(xyz) for surface in surfaces])
+
+    import scipy.optimize
+
+    fit = scipy.optimize.least_squares(all_errors, surfaces[0].meet(), loss="soft_l1", x_scale="jac")
+    return _intersection(all_errors, fit.x)
+
+
+def _intersection(errors: Callable[[Floats], Floats], xyz: Floats) -> Place:
+    """Returns a place that fits `errors`, in standard deviations, with its covariance. If the errors are larger than
+    these, the covariance grows with their squares, once."""
+    import scipy.optimize
+
+    jacobian, found = scipy.optimize.approx_fprime(xyz, errors), errors(xyz)
+    variance_factor = max(1.0, float(found @ found) / max(1, len(found) - 3))
+    return Place(xyz, variance_factor * np.linalg.inv(jacobian.T @ jacobian))
+
+
+def _combine(place: Place, surface: Surface) -> Place:
+    """Returns the mean of a place and a surface, weighted by their variances. A surface that contradicts the place does
+    not count: the points next to the mark of a table's corner may be on the floor."""
+    row = surface.view.pose.rotation[2]
+    depth = float(surface.view.pose(place.xyz[None])[0, 2])
+    gradient = -row / depth**2
+    variance = float(gradient @ place.covariance @ gradient) + surface.stddev**2
+    deviation = surface.inverse_depth - 1 / depth
+    if deviation**2 > MAX_DEVIATION_SIGMA**2 * variance:
+        return place
+    gain = place.covariance @ gradient / variance
+    return Place(place.xyz + gain * deviation, place.covariance - variance * np.outer(gain, gain))
 
 
 def _find_surface(view: View, image: Image, points: Points) -> Surface:
