@@ -23,6 +23,9 @@ SCRIPTS_PATH = PROJECT_PATH / "scripts"
 DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
 MAX_SECONDS = 300  # a run that takes longer hangs
 
+# OpenCV reads this once, when the first video is opened or written: tests write one before the program sets it.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
 # Accepts Ctrl-C again, because background jobs of a shell ignore it, and so would the programs that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
