@@ -11,12 +11,14 @@ import sys
 
 import cv2
 import numpy as np
+import PIL.Image
 import pyproj
 import pytest
 
 import exif
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.naming import times_of
+from colmap_lazyloc.pose_formats.posed_images import ORIENTATION
 from colmap_lazyloc.report.__main__ import main
 from colmap_lazyloc.report.facts import facts
 from colmap_lazyloc.report.photos import choose_queries
@@ -327,6 +329,19 @@ def test_a_photo_that_lies_on_its_side_is_shown_as_it_is(tmp_path):
     content[entry : entry + 12] = b"\x12\x01\x03\x00\x01\x00\x00\x00\x06\x00\x00\x00"
     photo.write_bytes(content)
     assert cv2.imread(str(photo)).shape[:2] == (600, 800), "OpenCV turns it by default"
+    page = make_page(run_path, tmp_path / "page.html", "--image_path", run_path / "images")
+    shown = cv2.imdecode(np.frombuffer(page.photos[page.queries["photo"][page.index(name)]], np.uint8), 0)
+    assert shown.shape == (640, 480) and shown[:, :200].min() > 200 and shown[:, 300:].max() < 50
+
+
+def test_a_tiff_photo_that_lies_on_its_side_is_shown_as_it_is(tmp_path):
+    run_path = write_run(tmp_path / "run", RunShape(num_queries=14, num_points=100, has_photos=True))
+    name = "query/000013.jpg"
+    pixels = np.zeros((800, 600, 3), np.uint8)
+    pixels[:, :300] = 255
+    orientation = PIL.Image.Exif()
+    orientation[ORIENTATION] = 6
+    PIL.Image.fromarray(pixels).save(run_path / "images" / name, "TIFF", exif=orientation)
     page = make_page(run_path, tmp_path / "page.html", "--image_path", run_path / "images")
     shown = cv2.imdecode(np.frombuffer(page.photos[page.queries["photo"][page.index(name)]], np.uint8), 0)
     assert shown.shape == (640, 480) and shown[:, :200].min() > 200 and shown[:, 300:].max() < 50

@@ -15,7 +15,7 @@ import photo_scene
 from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.database import tidy_images
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.pose_formats.posed_images import photo_size
+from colmap_lazyloc.pose_formats.posed_images import ORIENTATION, decode_as_stored, photo_size
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project import photos as photos_of_projects
 from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, content, fingerprint
@@ -228,6 +228,44 @@ def test_photos_that_colmap_misreads_are_converted(run, place, photos, capsys):
     assert read_poses(output / "localized" / "poses.txt")["query/1.png"].errors(photos.poses["query/1.png"])[0] < 0.05
     with sqlite3.connect(output / "database.db") as database:
         assert database.execute("SELECT COUNT(*) FROM keypoints WHERE rows > 100").fetchone() == (6,)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_tiff_photos_are_as_they_are_stored(tmp_path, orientation):
+    """OpenCV and Pillow turn them upright. Of converted photos, only mirror images are turned."""
+    rng = np.random.default_rng(0)
+    stored = cv2.resize(rng.integers(0, 255, (4, 6, 3), np.uint8), (60, 40), interpolation=cv2.INTER_NEAREST)
+    exif = PIL.Image.Exif()
+    exif[ORIENTATION] = orientation
+    paths = {"8.tif": tmp_path / "8.tif", "16.tif": tmp_path / "16.tif"}
+    PIL.Image.fromarray(stored).save(paths["8.tif"], exif=exif)
+    data = np.fromfile(paths["8.tif"], np.uint8)
+    for flags in (cv2.IMREAD_COLOR, cv2.IMREAD_REDUCED_COLOR_2):
+        assert np.array_equal(decode_as_stored(data, flags), stored[:, :, ::-1])
+    assert decode_as_stored(data, cv2.IMREAD_REDUCED_GRAYSCALE_2).shape == (40, 60)
+    assert decode_as_stored(data[:40], cv2.IMREAD_COLOR) is None
+    write_tiff_of_16_bits(paths["16.tif"], stored, orientation)
+    assert photo_size(paths["16.tif"]) == (60, 40)
+    with PIL.Image.open(convert_photos(Folder(tmp_path / "out"), QUERY, paths)["16.tif"]) as photo:
+        assert photo.format == "JPEG"
+        assert photo.getexif().get(ORIENTATION) == (orientation if orientation in (3, 6, 8) else None)
+        with PIL.Image.open(paths["8.tif"]) as upright:
+            expected = np.asarray(upright.convert("RGB") if orientation in (2, 4, 5, 7) else stored, int)
+        assert np.abs(np.asarray(photo, int) - expected).mean() < 12 and photo.size == expected.shape[1::-1]
+
+
+def write_tiff_of_16_bits(path, pixels, orientation):
+    """Writes 16 bits per colour, which Pillow cannot write."""
+    assert cv2.imwrite(str(path), pixels[:, :, ::-1].astype(np.uint16) * 257, [cv2.IMWRITE_TIFF_COMPRESSION, 1])
+    content = bytearray(path.read_bytes())
+    (begin,) = struct.unpack_from("<I", content, 4)
+    (count,) = struct.unpack_from("<H", content, begin)
+    tags = [bytes(content[begin + 2 + 12 * i :][:12]) for i in range(count)]
+    tags = [tag for tag in tags if struct.unpack("<H", tag[:2])[0] != ORIENTATION]
+    tags.append(struct.pack("<HHIHH", ORIENTATION, 3, 1, orientation, 0))
+    struct.pack_into("<I", content, 4, len(content))
+    tags.sort(key=lambda tag: struct.unpack("<H", tag[:2]))
+    path.write_bytes(bytes(content) + struct.pack("<H", len(tags)) + b"".join(tags) + bytes(4))
 
 
 def test_converted_photos_follow_the_photos(tmp_path, caplog):

@@ -16,7 +16,14 @@ import numpy as np
 from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImage, PosedImages, Source, list_images
+from colmap_lazyloc.pose_formats.posed_images import (
+    Photos,
+    PosedImage,
+    PosedImages,
+    Source,
+    decode_as_stored,
+    list_images,
+)
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.poses import Pose
 
@@ -96,9 +103,7 @@ def write_faces(paths: Mapping[str, pathlib.Path], output: pathlib.Path) -> None
     import cv2
 
     for name, path in paths.items():
-        # Ignores EXIF's orientation, as COLMAP does.
-        data = np.fromfile(path, np.uint8)  # because OpenCV opens no file whose name is not UTF-8
-        panorama = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) > 0 else None
+        panorama = decode_as_stored(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR)
         if panorama is None:
             raise InputError(f"{path}: is not a photo that can be read")
         for face, pixels in cut(panorama):

@@ -21,7 +21,7 @@ from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px
 from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.naming import natural_order
-from colmap_lazyloc.pose_formats.posed_images import PosedImage
+from colmap_lazyloc.pose_formats.posed_images import PosedImage, decode_as_stored
 
 NUM_THREADS = 2
 NUM_PLACES = 10  # in the order of the names, at which neighbours are matched
@@ -151,8 +151,7 @@ def _read(path: pathlib.Path, ratio: float) -> Array | None:
 
     flag = next((flag for factor, flag in _REDUCED if ratio >= factor**2), "IMREAD_GRAYSCALE")
     try:
-        data = np.fromfile(path, np.uint8)  # names that are not ASCII
-        return cv2.imdecode(data, getattr(cv2, flag) | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
+        return decode_as_stored(np.fromfile(path, np.uint8), getattr(cv2, flag))
     except (OSError, cv2.error):
         return None
 

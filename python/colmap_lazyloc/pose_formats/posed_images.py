@@ -3,11 +3,15 @@
 import contextlib
 import dataclasses
 import functools
+import io
 import pathlib
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
@@ -179,6 +183,36 @@ def photo_size(path: pathlib.Path) -> tuple[int, int] | None:
         raise
     except Exception:
         return None
+
+
+def decode_as_stored(data: Array, flags: int) -> Array | None:
+    """Decodes a photo with OpenCV, without turning it by EXIF, because COLMAP does not turn it either; None if it
+    cannot be read. `data`: the bytes of the file, which may have any name; `flags`: of OpenCV's imdecode."""
+    import cv2
+
+    # OpenCV turns TIFF photos in any case, and garbles them if it reduces their size.
+    if data[:4].tobytes() in (b"II*\0", b"MM\0*"):
+        upright = cv2.imdecode(data, flags & cv2.IMREAD_COLOR)
+        return None if upright is None else turn_back(upright, _orientation(data.tobytes()))
+    return cv2.imdecode(data, flags | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
+
+
+def _orientation(data: bytes) -> int:
+    try:
+        import PIL.Image
+
+        with PIL.Image.open(io.BytesIO(data)) as photo:
+            return photo.getexif().get(ORIENTATION, 1)
+    except Exception:  # without Pillow, and each decoder raises others for damaged files
+        return 1
+
+
+def turn_back(upright: Array, orientation: int) -> Array:
+    """Returns the pixels as they are stored of a photo that was turned upright by EXIF's orientation."""
+    stored = upright.swapaxes(0, 1) if orientation in (5, 7) else upright
+    if orientation in (2, 4):
+        stored = np.flip(stored, 1 if orientation == 2 else 0)
+    return np.ascontiguousarray(np.rot90(stored, {3: 2, 6: 1, 7: 2, 8: 3}.get(orientation, 0)))
 
 
 def list_images(

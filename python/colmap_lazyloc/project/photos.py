@@ -6,6 +6,8 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.extras import is_installed
 from colmap_lazyloc.model import Camera
@@ -20,6 +22,7 @@ from colmap_lazyloc.pose_formats.posed_images import (
     open_photo,
     photo_size,
     stored_size,
+    turn_back,
 )
 from colmap_lazyloc.project.folder import Folder, content, fingerprint, remove
 
@@ -29,7 +32,7 @@ UNSAFE = re.compile(r"[\s\\\x00-\x1f\x7f-\x9f\ud800-\udfff]")
 JPEG_QUALITY = 95  # of converted photos
 REFUSED = ".refused"  # ending of the mark of a photo that could not be converted
 PHONE_FORMATS = ("AVIF", "HEIF")  # Pillow's names
-MIRRORED = (2, 4, 5, 7)  # values of EXIF's orientation for mirror images
+MIRRORED, TURNED = (2, 4, 5, 7), (3, 6, 8)  # values of EXIF's orientation for mirror images, and for others
 MAX_NUM_NAMED = 5  # of photos that are left out
 
 
@@ -129,10 +132,14 @@ def _convert(path: pathlib.Path, target: pathlib.Path) -> None:
 
     try:
         with open_photo(path) as photo:
-            is_mirrored = photo.getexif().get(ORIENTATION) in MIRRORED
-            upright = PIL.ImageOps.exif_transpose(photo) if is_mirrored else photo
+            orientation = photo.getexif().get(ORIENTATION)
+            upright = PIL.ImageOps.exif_transpose(photo) if orientation in MIRRORED else photo
             exif = upright.info.get("exif") or b""
             pixels = upright.convert("RGB")
+            if orientation in TURNED and photo.format == "TIFF":  # Pillow has turned it
+                pixels = PIL.Image.fromarray(turn_back(np.asarray(pixels), orientation))
+                exif = PIL.Image.Exif()
+                exif[ORIENTATION] = orientation
     except Exception:  # each decoder raises others for damaged files
         target.with_suffix(REFUSED).touch()
         return

@@ -6,6 +6,7 @@ import pathlib
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
+from colmap_lazyloc.pose_formats.posed_images import decode_as_stored
 from colmap_lazyloc.progress import progress
 from colmap_lazyloc.report.gaps import Gaps
 from colmap_lazyloc.report.run import Run
@@ -100,13 +101,12 @@ def point_colors(run: Run, image_path: pathlib.Path, points: ScenePoints) -> Arr
 
 
 def _read(path: pathlib.Path, scale: int) -> Array | None:
-    """Reads a photo as it is stored, without turning it by EXIF, because COLMAP does not turn it either; None if
-    it cannot be read."""
+    """Reads a photo as it is stored; None if it cannot be read."""
     import cv2
 
     color = {1: cv2.IMREAD_COLOR, COLOR_SCALE: cv2.IMREAD_REDUCED_COLOR_4}[scale]
     try:
-        return cv2.imdecode(np.fromfile(path, np.uint8), color | cv2.IMREAD_IGNORE_ORIENTATION)
+        return decode_as_stored(np.fromfile(path, np.uint8), color)
     except (OSError, ValueError, cv2.error):  # ValueError: of a name that no file can have
         return None
 
