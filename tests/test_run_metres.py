@@ -441,6 +441,7 @@ def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys)
         (["--poses", "PHOTOS", "--poses_format", "exif", "--panoramas", "all"], "panoramas need rotations, too"),
         (["--poses", "PHOTOS", "--poses_format", "exif"], "images/database: has no photo with GPS"),
         (["--poses", "PHOTOS/0.png", "--poses_format", "exif"], "0.png: is not a folder of photos"),
+        (["--scale", "0.png", "photos/5.png", "2"], "is not in --database_images; the nearest is 5.png"),
         (["--scale", "0.png", "55.png", "2"], "--scale 55.png: is not in --database_images; the nearest is 5.png"),
         (["--scale", "0.png", "0.png", "2"], "expected two different photos or points"),
         (["--scale", "0.png:9,8", "0.png:9,8", "2"], "expected two different photos or points"),

@@ -161,8 +161,11 @@ def first_names(names: Sequence[str], count: int) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Returns what an error about an unknown name ends with: the nearest known one, or nothing."""
-    near = difflib.get_close_matches(name, list(known), 1)
+    """Returns what an error about an unknown name ends with: the nearest known one, or nothing. The nearest name of a
+    photo is one with more or fewer folders."""
+    known = list(known)
+    near = [other for other in known if other.endswith(f"/{name}") or name.endswith(f"/{other}")]
+    near = near or difflib.get_close_matches(name, known, 1)
     return f"; the nearest is {near[0]}" if near else ""
 
 

@@ -11,7 +11,7 @@ import os
 import pathlib
 import pickle
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -89,15 +89,9 @@ def _retrieved(retrieval: Path, cameras: Mapping[str, Camera], model: Model) -> 
     if not any(names.values()):
         known = dict.fromkeys([*cameras, *model.images])
         unknown = next((name for pair in pairs for name in pair if name not in known), None)
-        hint = "" if unknown is None else f": {unknown} is neither{_nearest_name(unknown, known)}"
+        hint = "" if unknown is None else f": {unknown} is neither{nearest(unknown, known)}"
         raise InputError(f"{retrieval}: no pair of a query with an image of the model{hint}")
     return names
-
-
-def _nearest_name(name: str, known: Iterable[str]) -> str:
-    """Returns what an error about an unknown name ends with: the nearest one, first one with more or fewer folders."""
-    same = [other for other in known if other.endswith(f"/{name}") or name.endswith(f"/{other}")]
-    return f"; the nearest is {same[0]}" if same else nearest(name, known)
 
 
 class _Query(NamedTuple):
