@@ -263,7 +263,7 @@ FORMATS: dict[str, Format] = {
         cameras="from info.txt",
     ),
     "scannet": Format(
-        "ScanNet: the folder that contains the folders color, pose and intrinsic of ScanNet's reader",
+        "ScanNet: the folder with the folders color, pose and intrinsic, which ScanNet's SensReader exports",
         datasets.parse_scannet,
         datasets.is_scannet,
         Convention(TO_WORLD, rotation="matrix"),
@@ -274,7 +274,7 @@ FORMATS: dict[str, Format] = {
         datasets.parse_arkit_scenes,
         datasets.is_arkit_scenes,
         Convention(FROM_WORLD, rotation="rotation vector"),
-        cameras="the .pincam files of the folders ..._intrinsics",
+        cameras="the .pincam files in the folders whose names end with _intrinsics",
         photos="time",
     ),
     "record3d": Format(
@@ -286,7 +286,7 @@ FORMATS: dict[str, Format] = {
         photos="number of the frame",
     ),
     "polycam": Format(
-        "Polycam's raw data: the folder of keyframes, corrected_cameras",
+        "Polycam's raw data: the folder keyframes/corrected_cameras",
         json_lists.parse_polycam,
         lambda f: f.is_folder and any(Head(path).json("t_00") for path in f.path.glob("*.json")),
         Convention(TO_WORLD, "opengl", "matrix"),
@@ -300,7 +300,7 @@ FORMATS: dict[str, Format] = {
         cameras="fx, fy, cx, cy",
     ),
     "rtabmap": _trajectory(
-        "RTAB-Map: poses with ids, ..._camera_poses.txt; if the poses are poses of the robot, pass --calibration",
+        "RTAB-Map: ..._camera_poses.txt, poses with ids. For a file with poses of the robot, pass --calibration",
         trajectories.RTABMAP,
         lambda f: f.num_numbers == 9,
         Convention(TO_WORLD, quaternion="xyzw"),
@@ -328,7 +328,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(file_of(trajectories.kitti_text), omits="names, times, intrinsics", holds_name=_any_name),
     ),
     "kitti360": _trajectory(
-        "KITTI-360: cam0_to_world.txt, with a frame and a matrix per line; poses.txt (of the body) needs --calibration",
+        "KITTI-360: cam0_to_world.txt, a frame number and a matrix per line; or poses.txt (poses of the body) with --calibration",
         trajectories.KITTI360,
         lambda f: f.num_numbers in (13, 17) and f.first_row[0].isdecimal(),
         Convention(TO_WORLD, rotation="matrix"),
@@ -360,7 +360,7 @@ FORMATS: dict[str, Format] = {
         )
     },
     "matrices": Format(
-        "4 x 4 matrices: one matrix per line, one matrix per four lines (Open3D), or a folder with one matrix per file",
+        "4 x 4 matrices: a file with one matrix per line or per four lines (Open3D), or a folder with one matrix per file",
         trajectories.parse_matrices,
         lambda f: f.has_matrices,
         Convention(TO_WORLD, rotation="matrix"),
@@ -372,7 +372,7 @@ FORMATS: dict[str, Format] = {
         table.parse,
         lambda f: f.is_table,
         Convention(TO_WORLD, vector="centre"),
-        "geographic with latitude and longitude, or with --crs; else as in the file",
+        "geographic if the table has latitudes and longitudes, or with --crs; else as in the file",
         "width, height, fx, fy, cx, cy, k1 to k6, p1, p2, camera_model",
     ),
 }
