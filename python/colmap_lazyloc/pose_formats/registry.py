@@ -114,7 +114,7 @@ FORMATS: dict[str, Format] = {
         transforms_json.parse,
         lambda f: f.json("frames"),
         Convention(TO_WORLD, "opengl", "matrix"),
-        cameras="fl_x, fl_y, cx, cy, w, h, camera_angle_x, k1 to k6, p1, p2, camera_model; for the file or for a frame",
+        cameras="fl_x, fl_y, cx, cy, w, h, camera_angle_x, k1 to k6, p1, p2, camera_model; for all or for each frame",
         writer=Writer(file_of(transforms_json.text), cameras=transforms_json.HOLDS),
     ),
     "arkit": _trajectory(
@@ -139,7 +139,7 @@ FORMATS: dict[str, Format] = {
         "number of the frame",
     ),
     "euroc": _trajectory(
-        "EuRoC: data.csv, the true poses of the body; --calibration must give the pose of the camera on the body",
+        "EuRoC: data.csv, ground truth poses of the body; --calibration must give the pose of the camera on the body",
         (),
         lambda f: f.has("prsrx"),
         Convention(TO_WORLD, "body"),
@@ -150,9 +150,9 @@ FORMATS: dict[str, Format] = {
         metashape.parse,
         lambda f: f.xml("<chunk"),
         Convention(TO_WORLD, rotation="matrix"),
-        "geographic if the chunk has a reference, else local",
+        "geographic if the chunk is georeferenced, else local",
         "frame, fisheye, spherical: f, cx, cy, k1 to k4, p1, p2, b1",
-        writer=Writer(file_of(metashape.text), World.LOCAL, "folders and extensions of file names", metashape.HOLDS),
+        writer=Writer(file_of(metashape.text), World.LOCAL, "folders and extensions in photo names", metashape.HOLDS),
     ),
     "blocksexchange": Format(
         "ContextCapture, iTwin Capture, Metashape: BlocksExchange XML",
@@ -172,7 +172,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(
             file_of(table.reality_capture_text),
             World.GRID,
-            "folders of file names, image sizes",
+            "image sizes, folders in photo names",
             table.REALITY_CAPTURE_HOLDS,
         ),
     ),
@@ -185,7 +185,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(
             xmp.write,
             World.MODEL,
-            "extensions of file names, image sizes",
+            "image sizes, extensions in photo names",
             table.REALITY_CAPTURE_HOLDS,
             folder=rf".*{re.escape(xmp.ENDING)}",
         ),
@@ -215,7 +215,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(
             file_of(odm_geo.text),
             World.EARTH,
-            "folders of file names, intrinsics",
+            "intrinsics, folders in photo names",
             holds_name=lambda name: name.isprintable() and len(name.split()) == 1,
         ),
     ),
@@ -239,7 +239,7 @@ FORMATS: dict[str, Format] = {
         bundler.parse_nvm,
         lambda f: f.starts("NVM_V3"),
         Convention(FROM_WORLD, vector="centre"),
-        cameras="FixedK, or focal length and distortion, with the principal point in the middle",
+        cameras="FixedK; without it, focal length and distortion, with the principal point in the middle",
     ),
     "cambridge": Format(
         "Cambridge Landmarks: the folder of a scene, or dataset_train.txt",
