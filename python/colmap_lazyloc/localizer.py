@@ -120,11 +120,11 @@ class Localizer:
         from GPS. The uncertainty is one standard deviation for all coordinates, three standard deviations (one for each
         coordinate), or a 3x3 covariance.
         `gravity`: ((x, y, z), standard deviation in degrees), the downward direction in the camera's axes (x right, y
-        down, z forward). This argument needs the option world_up.
+        down, z forward). This argument needs the option world_up, the upward direction in the model.
 
         `position` and `gravity` replace the values in the files of the options query_position_path and
-        query_gravity_path. If the images contradict a value, the value is not used. `as_dict()["priors"]` of the result
-        shows how the values were used.
+        query_gravity_path. If the images contradict the position or the direction, the method does not use it.
+        `as_dict()["priors"]` of the result shows how the position and the direction were used.
         """
         localizer = self._open()
         group = localizer.find_group(_check_name(name))
@@ -146,7 +146,8 @@ class Localizer:
         height x width x 3 (RGB). The database must contain the descriptors of the posed images.
         `camera`: "MODEL width height params...", a dict with the keys model, width, height and params, or an object
         with these attributes, such as pycolmap.Camera. By default, the intrinsics come from a camera in the model with
-        the photo's size, from EXIF, or from a guess. Intrinsics that you do not pass are corrected from the images.
+        the photo's size, from EXIF, or from a guess. If you do not pass intrinsics,
+        the method corrects the default intrinsics from the images.
         `name`: the query's name, from which the seed of random numbers is computed; default: the path, or "photo".
         `position`, `gravity`: see `localize`.
         """
@@ -169,7 +170,8 @@ class Localizer:
         `pairs`: {name of a posed image: (keypoints, matches)}. `keypoints` is an m x 2 array with the keypoints of the
         posed image, x and y in pixels. `matches` is a k x 2 array of indices: in each row, the index of a query
         keypoint, and the index of a keypoint of the posed image. If you pass only the matches, the keypoints of the
-        posed image are read from the database. COLMAP's two-view geometry verifies the matches.
+        posed image are read from the database. The method verifies the matches with
+        COLMAP's two-view geometry.
         `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Matches(camera, keypoints, pairs, name, position, gravity))
@@ -179,16 +181,18 @@ class Localizer:
 
         `images`: {query: cam_from_rig}. A query is the name of one of `queries`, a `Photo` or a `Matches`. The pose
         cam_from_rig is a 3x4 or 4x4 matrix, (R, t), a `colmap_lazyloc.poses.Pose`, a pycolmap.Rigid3d or a
-        pycolmap.Image, with lengths in the model's unit. The pose of the rig is the only unknown.
+        pycolmap.Image, with lengths in the model's unit. The method estimates the pose of the rig, and does
+        not change the poses cam_from_rig.
         """
         return self._localize_frame(images, name, has_scale=True)
 
     def localize_trajectory(self, images: Mapping[QueryT, PoseInput], *, has_scale: bool = True) -> dict[str, Result]:
         """Localizes images with known relative poses, for example from odometry or SLAM, as one rigid body.
 
-        `images`: {query: cam_from_world}, with the trajectory's coordinate system as the world. For the types of
-        queries and poses, see `localize_rig`.
-        `has_scale`: False if the trajectory is not in the model's unit; its scale is then estimated.
+        `images`: {query: cam_from_world}. Here, the world is the coordinate system of the trajectory. For the types
+        of queries and poses, see `localize_rig`.
+        `has_scale`: False if lengths in the trajectory are not in the model's unit. The scale of the trajectory is then
+        estimated.
         """
         return self._localize_frame(images, None, has_scale=has_scale)
 

@@ -42,7 +42,7 @@ class PosedLike(Protocol):
 class Pose:
     """A pose cam_from_world: x_cam = rotation x_world + tvec.
 
-    Both vectors keep their exact values: qvec is not normalized.
+    qvec and tvec keep their exact values: qvec is not normalized.
     """
 
     qvec: Floats  # quaternion w, x, y, z

@@ -210,8 +210,9 @@ class Result:
         return fields
 
     def as_pycolmap(self) -> PycolmapPose | None:
-        """Returns a dict like the dicts of pycolmap's absolute pose estimators: cam_from_world (a pycolmap.Rigid3d),
-        num_inliers and inlier_mask, and also covariance. Returns None if there is no pose. Needs pycolmap."""
+        """Returns a dict with the keys that pycolmap's absolute pose estimators return (cam_from_world as a
+        pycolmap.Rigid3d, num_inliers, inlier_mask), and with the key covariance. Returns None if there is no pose.
+        Needs pycolmap."""
         pose = self.pose
         if pose is None:
             return None

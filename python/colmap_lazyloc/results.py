@@ -120,7 +120,7 @@ def read_fields_of_view(folder: Path) -> dict[str, list[list[float]]]:
 
 
 def pose_of(result: ResultFields) -> Pose | None:
-    """Returns the pose of a localized query; None for other queries, even if they have a rotation or an unconfirmed
+    """Returns the pose of a localized query; None for all other queries, even if they have a rotation or an unconfirmed
     pose."""
     return to_pose(result["cam_from_world"]) if result["status"] == "LOCALIZED" else None
 
