@@ -235,7 +235,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--unit",
         choices=("database", METRE),
-        help="unit of lengths: m (metres) or the unit of the database; default: m if TRUTH is a model with geo.json",
+        help="unit of lengths: m (metres) or the unit of the database; default: m if the ground truth has geo.json",
     )
     parser.add_argument("--per_query", action="store_true", help="also print the errors of each query")
     parser.add_argument("--json", type=pathlib.Path, help="also write the results to this file")

@@ -3,7 +3,7 @@
 `main` has the parameters of `hloc.localize_sfm.main`, and writes the same files. `results` has one line
 `name qw qx qy qz tx ty tz` per localized query. `results_logs.pkl` has the form of hloc's InLoc pipeline, so that
 `hloc.visualization.visualize_loc` reads it without a reconstruction. A query that cannot be localized has no line in
-`results`, while hloc writes the pose of the nearest database image. Needs h5py.
+`results`, while hloc writes the pose of the most similar database image. Needs h5py.
 """
 
 import argparse

@@ -67,8 +67,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--split",
         action="store_true",
-        help=f"for large runs: write a folder instead of one file. Open its {PAGE_NAME}, which loads the other files "
-        "when they are needed",
+        help=f"for large runs: write a folder instead of one file. Open {PAGE_NAME} in this folder; the page loads "
+        "the other files when they are needed",
     )
     parser.add_argument(
         "--unit",
