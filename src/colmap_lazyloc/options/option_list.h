@@ -137,8 +137,8 @@ void ForEachMethodOption(Options& o, const Add& add) {
       "Expected error of the relative poses of a rig or trajectory, as a displacement of the keypoints in pixels; 0: "
       "the relative poses are exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
-      "Standard deviation of the rotation errors of database images, in degrees. If this option and "
-      "database_pose_stddev_length are 0, the database poses are exact. If both options are -1, the pose errors are "
+      "Standard deviation of the rotation errors of database images, in degrees. If this option is 0 and "
+      "database_pose_stddev_length is 0, the database poses are exact. If both options are -1, the pose errors are "
       "estimated for each query");
   add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
       "Standard deviation of the position errors of database images, in the unit of the model. If this option and "
