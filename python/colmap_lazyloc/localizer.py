@@ -123,7 +123,8 @@ class Localizer:
         down, z forward). This argument needs the option world_up, the upward direction in the model.
 
         `position` and `gravity` replace the values in the files of the options query_position_path and
-        query_gravity_path. If the images contradict the position or the direction, the method does not use it.
+        query_gravity_path. If the images contradict `position` or `gravity`, the method ignores the
+        contradicted value.
         `as_dict()["priors"]` of the result shows how the position and the direction were used.
         """
         localizer = self._open()

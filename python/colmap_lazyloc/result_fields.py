@@ -113,7 +113,7 @@ class RunnerUpFields(TypedDict):
 
 
 class EpochFields(TypedDict):
-    """How the joint adjustment of new photos has changed the pose of this photo."""
+    """How the pose of the query has changed when all new photos were adjusted together (`--epoch`)."""
 
     hangs_on: str
     is_adjusted: bool
@@ -180,7 +180,7 @@ class RiskCoverageFields(TypedDict):
 
 
 class LeaveOneOutPose(TypedDict):
-    """A query with a pose in leave_one_out.json."""
+    """An entry of the list `poses` in leave_one_out.json: the errors of a query that has a pose."""
 
     name: str
     confidence: float

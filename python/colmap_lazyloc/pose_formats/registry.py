@@ -225,7 +225,7 @@ FORMATS: dict[str, Format] = {
         lambda f: f.json("features", "rotation", "filename"),
         Convention(FROM_WORLD, rotation="rotation vector", vector="centre"),
         "geographic: UTM, in the zone of the photos",
-        "from cameras.json; without this file, only the focal length",
+        "from cameras.json; without this file, the focal length from shots.geojson",
     ),
     "bundler": Format(
         "Bundler: bundle.out with list.txt",
@@ -328,7 +328,8 @@ FORMATS: dict[str, Format] = {
         writer=Writer(file_of(trajectories.kitti_text), omits="names, times, intrinsics", holds_name=_any_name),
     ),
     "kitti360": _trajectory(
-        "KITTI-360: cam0_to_world.txt, a frame number and a matrix per line; or poses.txt (poses of the body) with --calibration",
+        "KITTI-360: cam0_to_world.txt, a frame number and a matrix per line; or poses.txt (poses of the body) with "
+        "--calibration",
         trajectories.KITTI360,
         lambda f: f.num_numbers in (13, 17) and f.first_row[0].isdecimal(),
         Convention(TO_WORLD, rotation="matrix"),
@@ -360,7 +361,8 @@ FORMATS: dict[str, Format] = {
         )
     },
     "matrices": Format(
-        "4 x 4 matrices: a file with one matrix per line or per four lines (Open3D), or a folder with one matrix per file",
+        "4 x 4 matrices: a file with one matrix per line or per four lines (Open3D), or a folder with one matrix per "
+        "file",
         trajectories.parse_matrices,
         lambda f: f.has_matrices,
         Convention(TO_WORLD, rotation="matrix"),
