@@ -378,8 +378,8 @@ def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
     shown = []
 
     class Bar:
-        def __init__(self, leave, total, postfix):
-            assert not leave
+        def __init__(self, leave, total, postfix, bar_format):
+            assert not leave and bar_format is None
             shown.append((0, total, postfix))
 
         def set_postfix_str(self, text, refresh):
@@ -396,9 +396,27 @@ def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
     for line in LOG:
         bar.read(line, {})
     bar.read("", {"done": 1, "of": 4})
+    assert bar._bar.bar_format is None
     with bar.hidden():  # a line that is written meanwhile stands alone
         shown.append("line")
     assert shown == [(0, 20, "photos have poses"), *COUNTS, (1, 4, "queries"), "cleared", "line", "drawn"]
+
+
+def test_bar_without_a_total_shows_what_is_done_and_the_time(monkeypatch):
+    formats = []
+
+    class Bar:
+        def __init__(self, **options):
+            formats.append(options["bar_format"])
+
+        def set_postfix_str(self, text, refresh):
+            formats.append(self.bar_format)
+
+    monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: Bar)
+    bar = ProgressBar("", what="comparing")
+    bar.show(0, 0, "indexing 75 images")
+    bar.show(1, 25, "queries")
+    assert formats == ["comparing [{elapsed}]", "indexing 75 images [{elapsed}]", None]
 
 
 def test_lines_of_progress_have_the_time_that_is_left(monkeypatch, caplog):
@@ -455,22 +473,26 @@ def test_time_goes_on_while_a_program_prints_nothing(monkeypatch, caplog, has_te
         logging.getLogger("colmap_lazyloc").removeHandler(lines)
 
 
-def test_pairs_are_matched_in_parts_that_take_some_seconds(monkeypatch, tmp_path):
-    parts, shown = [], []
+@pytest.mark.parametrize(("num_pairs", "largest"), [(10, 6), (100, 10), (1000, 50), (9999, 50)])
+def test_pairs_are_matched_in_parts_that_take_some_seconds(monkeypatch, tmp_path, num_pairs, largest):
+    """A pair takes a tenth of a second."""
+    parts, shown, seconds = [], [], [0.0]
 
     class Runner:
         def run(self, words):
             parts.append(pathlib.Path(words[-1]).read_text().split("\n")[:-1])
+            seconds[0] += 0.1 * len(parts[-1])
 
-    monkeypatch.setattr(steps, "SECONDS_PER_PART", 0.0)
+    monkeypatch.setattr(steps.time, "monotonic", lambda: seconds[0])
     monkeypatch.setattr(steps.Project, "_command", lambda self, name: [name])
     monkeypatch.setattr(ProgressBar, "show", lambda self, done, total, what: shown.append((done, total, what)))
     fields = dict.fromkeys(field.name for field in dataclasses.fields(steps.Project))
     project = steps.Project(**{**fields, "folder": Folder(tmp_path), "runner": Runner()})
-    pairs = [(f"{index}", "x") for index in range(10)]
+    pairs = [(f"{index}", "x") for index in range(num_pairs)]
     project.match(tmp_path / "database.db", pairs)
     assert [pair for part in parts for pair in part] == [f"{first} {second}" for first, second in pairs]
-    assert shown == [(4, 10, "pairs"), (8, 10, "pairs"), (10, 10, "pairs")], "the first count is there soon"
+    assert shown[0] == (4, num_pairs, "pairs"), "the first count is there soon"
+    assert shown[-1] == (num_pairs, num_pairs, "pairs") and max(map(len, parts)) == largest
 
 
 def test_pairs_by_viewpoint_are_near_and_look_the_same_way():

@@ -26,6 +26,7 @@ from colmap_lazyloc.pose_formats.posed_images import (
 )
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.progress import progress
 
 FACES = {"front": (0, 0), "right": (90, 0), "back": (180, 0), "left": (270, 0), "up": (0, 90), "down": (0, -90)}
 FIELD_OF_VIEW_DEG = 100.0  # overlaps, so that no object is cut at the borders of all faces
@@ -102,7 +103,7 @@ def write_faces(paths: Mapping[str, pathlib.Path], output: pathlib.Path) -> None
     """Writes the faces of panoramas, each in the folder of its name."""
     import cv2
 
-    for name, path in paths.items():
+    for name, path in progress(paths.items(), "panoramas"):
         panorama = decode_as_stored(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR)
         if panorama is None:
             raise InputError(f"{path}: is not a photo that can be read")

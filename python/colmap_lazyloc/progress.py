@@ -21,8 +21,9 @@ def terminal_bar() -> Any:
     return tqdm
 
 
-def progress(items: Iterable[Item], text: str) -> Iterable[Item]:
-    """Returns the items, with a bar on a terminal if tqdm is installed."""
+def progress(items: Iterable[Item], text: str, total: int | None = None) -> Iterable[Item]:
+    """Returns the items, with a bar on a terminal if tqdm is installed. `total`: their number, by default their length
+    if they have one."""
     bar = terminal_bar()
-    shown: Iterable[Item] = items if bar is None else bar(items, desc=text, leave=False)
+    shown: Iterable[Item] = items if bar is None else bar(items, desc=text, total=total, leave=False)
     return shown

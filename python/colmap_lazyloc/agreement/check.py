@@ -20,6 +20,7 @@ from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
+from colmap_lazyloc.project.colmap_runner import ProgressBar
 
 MAX_NUM_NAMED = 10  # images that contradict the others
 MAX_NUM_TURNED = 3  # images that are named as turned, or as not compared, and pairs that do not agree
@@ -65,8 +66,9 @@ def check_photos(
         return
     from colmap_lazyloc.agreement.photo_pairs import pairs_of_photos
 
-    pairs = pairs_of_photos(folder, posed.images, masks)
-    found = judge(pairs, posed.images, posed.convention, posed.origin is not None)
+    with ProgressBar("", what="comparing the poses with the photos"):
+        pairs = pairs_of_photos(folder, posed.images, masks)
+        found = judge(pairs, posed.images, posed.convention, posed.origin is not None)
     if found is None:
         logger.info(
             "the poses cannot be compared with the photos: %s",

@@ -13,7 +13,7 @@ from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.model import poses_of, read_model
 from colmap_lazyloc.pose_formats.control_points import POINT_STDDEV_M, ControlPoints, MarkedPhotos
 from colmap_lazyloc.pose_formats.posed_images import Positions
-from colmap_lazyloc.project.colmap_runner import ColmapRunner
+from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
 from colmap_lazyloc.project.folder import Folder
 
 MIN_NUM_PHOTOS = 3
@@ -95,7 +95,8 @@ def align_to_positions(
     folder.model.mkdir(parents=True, exist_ok=True)
     stddevs = [photo.accuracy_m for photo in used if photo.accuracy_m is not None]
     stddev = float(np.median(stddevs)) if len(stddevs) >= len(used) / 2 else None
-    fit = _fit(align, targets, stddev, title)
+    with ProgressBar(f"aligning to the {title} of {len(used)} photos"):
+        fit = _fit(align, targets, stddev, title)
     assumed = f" of {MIN_STDDEV_M:g} m (assumed)" if stddev is None else ""
     fit.require_orientation(f"photos with {title}", assumed)
     if positions.origin is not None:

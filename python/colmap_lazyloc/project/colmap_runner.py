@@ -95,10 +95,12 @@ class ProgressBar:
     from time to time. Use it in a `with` statement, in which time goes on while a program prints nothing."""
 
     def __init__(self, title: str, total: int = 0, what: str = ""):
-        """`total`, `what`: how many of what the step has to do, if that is known."""
-        logger.info(title)
-        bar = terminal_bar()
-        self._bar = None if bar is None else bar(leave=False, total=total or None, postfix=what or None)
+        """`title`: a line that is written first, if it is not empty; `total`, `what`: how many of what the step has to
+        do. Without a total, `what` may also say what is being done."""
+        if title:
+            logger.info(title)
+        bar, form = terminal_bar(), _bar_format(total, what)
+        self._bar = bar and bar(leave=False, total=total or None, postfix=what or None, bar_format=form)
         self._total = total
         self._shown = 0, total, what
         self._begin = time.monotonic()
@@ -146,6 +148,7 @@ class ProgressBar:
             self._shown = done, total, what
             if self._bar is not None:
                 self._bar.n, self._bar.total = done, total
+                self._bar.bar_format = _bar_format(total, what)
                 self._bar.set_postfix_str(what, refresh=True)
             else:
                 self._write_line()
@@ -170,6 +173,11 @@ class ProgressBar:
             return
         left = f", about {_duration(passed / done * (total - done))} left" if 0 < done < total else ""
         logger.info("%d of %d %s%s", done, total, what, left)
+
+
+def _bar_format(total: int, what: str) -> str | None:
+    """Returns the format of a bar without a total, in which only the time goes on; None for tqdm's own format."""
+    return None if total else f"{what} [{{elapsed}}]".strip()
 
 
 def _duration(seconds: float) -> str:

@@ -1,11 +1,13 @@
 """Takes frames of a video. Needs OpenCV."""
 
+import itertools
 import os
 import pathlib
 from typing import Any
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, PHONE_SUFFIXES, UNREADABLE_SUFFIXES
+from colmap_lazyloc.progress import progress
 
 JPEG_QUALITY = 95
 
@@ -37,8 +39,10 @@ def write_frames(video: pathlib.Path, folder: pathlib.Path, frames_per_second: f
     folder.mkdir(parents=True, exist_ok=True)
     rate = capture.get(cv2.CAP_PROP_FPS)
     step = max(rate / frames_per_second, 1.0) if rate > 0 else 1.0
-    index, count = 0, 0
-    while capture.grab():
+    count = 0
+    for index in progress(itertools.count(), "frames of the video", int(capture.get(cv2.CAP_PROP_FRAME_COUNT))):
+        if not capture.grab():
+            break
         if index >= count * step:
             is_read, pixels = capture.retrieve()
             if not is_read:
@@ -47,7 +51,6 @@ def write_frames(video: pathlib.Path, folder: pathlib.Path, frames_per_second: f
             if not cv2.imwrite(str(path), pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]):
                 raise InputError(f"{path}: cannot be written")
             count += 1
-        index += 1
     capture.release()
     if count == 0:
         raise InputError(f"{video}: has no frame that OpenCV can read")

@@ -24,6 +24,7 @@ from colmap_lazyloc.pose_formats.posed_images import (
     stored_size,
     turn_back,
 )
+from colmap_lazyloc.progress import progress
 from colmap_lazyloc.project.folder import Folder, content, fingerprint, remove
 
 # Characters that COLMAP's lists and databases cannot hold: blanks, control characters, bytes that are not UTF-8, and
@@ -112,7 +113,7 @@ def convert_photos(folder: Folder, role: str, paths: Mapping[str, pathlib.Path])
         logger.info("converting %d photos to JPEG", len(missing))
         place.mkdir(parents=True, exist_ok=True)
         with concurrent.futures.ThreadPoolExecutor() as threads:
-            list(threads.map(_convert, missing.values(), missing))
+            list(progress(threads.map(_convert, missing.values(), missing), "photos", len(missing)))
     return {**paths, **{name: target for name, target in targets.items() if target.exists()}}
 
 

@@ -52,7 +52,9 @@ MAX_NUM_WORDS = 16384  # of the vocabulary tree
 MIN_FEATURES_PER_WORD = 10
 SEQUENCE_REACH = 5  # frames before and after one with which it is matched
 MIN_MODEL_SIZE = 3
-FIRST_NUM_PAIRS, SECONDS_PER_PART = 4, 5.0  # that are matched at once
+# How many pairs are matched at once: first, and then as many as take one in 20 of the whole time, within bounds.
+FIRST_NUM_PAIRS, NUM_PARTS = 4, 20
+MIN_SECONDS_PER_PART, MAX_SECONDS_PER_PART = 1.0, 5.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,7 +155,8 @@ def match_pairs(
             begin = time.monotonic()
             runner.run([*words, "--match_list_path", path])
             rate = len(some) / max(time.monotonic() - begin, 1e-3)
-            count = max(FIRST_NUM_PAIRS, round(rate * SECONDS_PER_PART))
+            seconds = min(max(len(pairs) / rate / NUM_PARTS, MIN_SECONDS_PER_PART), MAX_SECONDS_PER_PART)
+            count = max(FIRST_NUM_PAIRS, round(rate * seconds))
             done += len(some)
             bar.show(done, len(pairs), "pairs")
 
@@ -430,6 +433,8 @@ def localize(
     words += [*project.sift_options, *options]
     count = len(query_lines)
     with ProgressBar("localizing 1 query" if count == 1 else f"localizing {count} queries", count, "queries") as bar:
+        if "--retrieval_index_path" in words and not folder.index.exists():
+            bar.show(0, 0, f"indexing {num_database_images} database images")  # until the first result
         project.runner.run(words, bar)
     project.results.finish()
 
