@@ -316,6 +316,24 @@ def test_residuals_are_observed_minus_projected(run_path, page):
     assert np.median(np.linalg.norm(found - nearest, axis=1)) < 0.1 and 0.2 < np.std(found) < 0.4
 
 
+def test_images_are_also_used_if_the_focal_length_was_unknown(tmp_path):
+    run_path = write_run(tmp_path / "run", RunShape(num_queries=14, num_points=100))
+    results = [json.loads(line) for line in (run_path / "results.jsonl").read_text().splitlines()]
+    for pair in (pair for result in results for pair in result["pairs"]):
+        pair["rotation_error_deg"] = pair["direction_error_deg"] = None
+    (run_path / "results.jsonl").write_text("".join(f"{json.dumps(result)}\n" for result in results))
+    page = make_page(run_path, tmp_path / "page.html")
+    details = page.chunks["details/0"]
+    for result in results:
+        index = page.index(result["name"])
+        has_pose = result["status"] in ("LOCALIZED", "LOW_CONFIDENCE")
+        expected = [has_pose and pair["num_inliers"] > 0 for pair in result["pairs"]]
+        assert page.queries["numImages"][index] == sum(expected)
+        begin, end = details["pairOffsets"][index : index + 2]
+        assert details["pairIsUsed"][begin:end].tolist() == expected
+    assert page.queries["numImages"].max() > 1
+
+
 def test_a_photo_that_lies_on_its_side_is_shown_as_it_is(tmp_path):
     run_path = write_run(tmp_path / "run", RunShape(num_queries=14, num_points=100, has_photos=True))
     name = "query/000013.jpg"

@@ -9,7 +9,7 @@ from colmap_lazyloc.model import Camera
 from colmap_lazyloc.report.chunk import Values
 from colmap_lazyloc.report.facts import facts
 from colmap_lazyloc.report.repeat import RepeatCommands
-from colmap_lazyloc.report.run import Run
+from colmap_lazyloc.report.run import Run, used_pairs
 from colmap_lazyloc.result_fields import PairFields, ResultFields
 
 DETAILS_PER_BLOCK = 1000
@@ -19,19 +19,21 @@ def detail_chunk(run: Run, block: int, repeat: RepeatCommands) -> tuple[Values, 
     """Returns the values and arrays of a chunk."""
     queries = run.queries[block * DETAILS_PER_BLOCK : (block + 1) * DETAILS_PER_BLOCK]
     stages = stage_names(queries)
-    pairs = [pair for result in queries for pair in _known_pairs(run, result)]
+    pairs = [pair for result in queries for pair, _ in _known_pairs(run, result)]
+    is_used = [used for result in queries for _, used in _known_pairs(run, result)]
     values = {
         "stages": stages,
         "facts": [facts(result, run.unit, _camera(run, result)) for result in queries],
         "commands": [repeat.command(result) for result in queries],
     }
-    arrays = {
+    arrays: dict[str, Array] = {
         "seconds": np.array(
             [[result["seconds"].get(stage, np.nan) for stage in stages] for result in queries], np.float32
         ),
         "pairOffsets": np.cumsum([0] + [len(_known_pairs(run, result)) for result in queries]).astype(np.uint32),
         "pairImages": np.array([run.database_index[pair["name"]] for pair in pairs], np.uint32),
         "pairNumInliers": np.array([pair["num_inliers"] for pair in pairs], np.uint32),
+        "pairIsUsed": np.array(is_used, np.uint8),
         "pairRotationErrorsDeg": _floats([pair["rotation_error_deg"] for pair in pairs]),
         "pairDirectionErrorsDeg": _floats([pair["direction_error_deg"] for pair in pairs]),
     }
@@ -53,8 +55,13 @@ def _camera(run: Run, result: ResultFields) -> Camera | None:
     return None if image is None else run.model.cameras[image.camera_id]
 
 
-def _known_pairs(run: Run, result: ResultFields) -> list[PairFields]:
-    return [pair for pair in result["pairs"] if pair["name"] in run.database_index]
+def _known_pairs(run: Run, result: ResultFields) -> list[tuple[PairFields, bool]]:
+    """Returns the pairs with images of the database, and whether the pose rests on each."""
+    return [
+        (pair, used)
+        for pair, used in zip(result["pairs"], used_pairs(result), strict=True)
+        if pair["name"] in run.database_index
+    ]
 
 
 def _floats(values: Iterable[float | None]) -> Array:

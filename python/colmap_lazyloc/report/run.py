@@ -109,6 +109,15 @@ def numbers(items: Iterable[Mapping[str, object]], field: str) -> Array:
     return np.array([np.nan if item.get(field) is None else item[field] for item in items], float)
 
 
+def used_pairs(result: ResultFields) -> list[bool]:
+    """Returns for each pair of a query whether its pose rests on it. If the focal length was unknown, no pair has a
+    relative pose, and those that were verified count."""
+    used = [pair["rotation_error_deg"] is not None for pair in result["pairs"]]
+    if any(used) or unconfirmed_pose_of(result) is None:
+        return used
+    return [pair["num_inliers"] > 0 for pair in result["pairs"]]
+
+
 def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str | None = None) -> Run:
     """Reads the output folder of a run; `truth`: the queries' true poses by name; `unit`: of lengths,
     by default metres if the run has geographic coordinates."""

@@ -7,8 +7,7 @@ import numpy as np
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.report.chunk import Values
 from colmap_lazyloc.report.coordinates import System
-from colmap_lazyloc.report.run import Run, numbers
-from colmap_lazyloc.result_fields import ResultFields
+from colmap_lazyloc.report.run import Run, numbers, used_pairs
 
 
 def status_names(run: Run) -> list[str]:
@@ -35,7 +34,7 @@ def query_chunk(run: Run, systems: Sequence[System], photos: Array, is_drawn: Ar
         "rotationStddevDeg": numbers(queries, "rotation_stddev_deg"),
         "numTracks": np.array([result.get("num_tracks", -1) for result in queries], np.int32),
         "reprojectionErrorPx": numbers(queries, "mean_reprojection_error_px"),
-        "numImages": np.array([_num_used_images(result) for result in queries], np.uint16),
+        "numImages": np.array([sum(used_pairs(result)) for result in queries], np.uint16),
         "seconds": np.array([result["seconds"].get("total", np.nan) for result in queries], float),
         "positionError": position_errors,
         "rotationErrorDeg": rotation_errors_deg,
@@ -56,7 +55,3 @@ def query_chunk(run: Run, systems: Sequence[System], photos: Array, is_drawn: Ar
         ],
     }
     return values, arrays
-
-
-def _num_used_images(result: ResultFields) -> int:
-    return sum(pair["rotation_error_deg"] is not None for pair in result["pairs"])

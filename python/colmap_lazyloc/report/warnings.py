@@ -104,7 +104,7 @@ def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str,
     if found is None:
         return title, explanation, []
     if found.is_wrong:
-        return title, explanation, [_item("all images", -1, found.line)]
+        return title, explanation, [_item("all images:", -1, found.line)]
     return title, explanation, [_item(name, -1, "contradicts the others") for name in found.contradicted]
 
 
@@ -115,8 +115,12 @@ def _posed_images(run: Run) -> list[PosedImage]:
 
 def _own_cameras(run: Run) -> tuple[str, str, list[Item]]:
     line = own_cameras(_posed_images(run))
-    items = [_item("all images", -1, line)] if line else []
-    return "Each database image has a camera of its own", "Errors of the database poses are in all poses.", items
+    items = [_item("all images:", -1, line)] if line else []
+    return (
+        "Each database image has a camera of its own",
+        "Errors of the database poses are also in the poses of the queries.",
+        items,
+    )
 
 
 def _wrong(run: Run) -> tuple[str, str, list[Item]]:

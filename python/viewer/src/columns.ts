@@ -65,7 +65,7 @@ export const EXPLANATIONS = {
   rotationError: "Angle to the true orientation.",
   tracks: "Scene points that the pose rests on: each is seen in the query and in database images.",
   reprojection: "How far, typically, the scene points fall from where the query shows them.",
-  images: "Database images whose relative pose to the query was used.",
+  images: "Database images with which the query was localized.",
 };
 
 // Returns a width for texts of these lengths, beside something that is `extra` rem wide.

@@ -50,7 +50,7 @@ export interface Queries {
   rotationStddevDeg: Float32Array;
   numTracks: Int32Array; // -1 if unknown
   reprojectionErrorPx: Float32Array;
-  numImages: Uint16Array; // database images whose measured relative pose was used
+  numImages: Uint16Array; // database images on which the pose rests
   seconds: Float32Array;
   positionError: Float32Array; // NaN without truth
   rotationErrorDeg: Float32Array;
@@ -111,7 +111,8 @@ export interface Details {
   pairOffsets: Uint32Array; // k + 1
   pairImages: Uint32Array; // index of the database image
   pairNumInliers: Uint32Array;
-  pairRotationErrorsDeg: Float32Array; // NaN if the pair was not used
+  pairIsUsed: Uint8Array; // 1 if the pose rests on the pair
+  pairRotationErrorsDeg: Float32Array; // NaN if the pair was not used, or if the focal length was unknown
   pairDirectionErrorsDeg: Float32Array;
   // Rows of a table "what is known of the query": label, text; already written for a reader.
   facts: [string, string][][];

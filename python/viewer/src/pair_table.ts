@@ -8,9 +8,12 @@ const NUM_SHOWN = 12;
 interface Pair {
   image: number;
   numInliers: number;
+  isUsed: boolean;
   rotationErrorDeg: number;
   directionErrorDeg: number;
 }
+
+type Maxima = Pick<Pair, "numInliers" | "rotationErrorDeg" | "directionErrorDeg">;
 
 function pairsOf(details: Details, row: number): Pair[] {
   const pairs: Pair[] = [];
@@ -18,16 +21,13 @@ function pairsOf(details: Details, row: number): Pair[] {
     pairs.push({
       image: details.pairImages[i],
       numInliers: details.pairNumInliers[i],
+      isUsed: details.pairIsUsed[i] === 1,
       rotationErrorDeg: details.pairRotationErrorsDeg[i],
       directionErrorDeg: details.pairDirectionErrorsDeg[i],
     });
   }
-  const rank = (pair: Pair) => pair.numInliers + (isUsed(pair) ? 1e9 : 0);
+  const rank = (pair: Pair) => pair.numInliers + (pair.isUsed ? 1e9 : 0);
   return pairs.sort((a, b) => rank(b) - rank(a));
-}
-
-function isUsed(pair: Pair): boolean {
-  return !Number.isNaN(pair.rotationErrorDeg) || !Number.isNaN(pair.directionErrorDeg);
 }
 
 function bar(kind: string, text: string, ratio: number): HTMLElement {
@@ -36,11 +36,11 @@ function bar(kind: string, text: string, ratio: number): HTMLElement {
   return cell;
 }
 
-function tableRow(pair: Pair, scene: Scene, max: Pair, onPoint: (image: number) => void): HTMLElement {
+function tableRow(pair: Pair, scene: Scene, max: Maxima, onPoint: (image: number) => void): HTMLElement {
   const name = visibleText(scene.databaseNames[pair.image] ?? "");
   const row = make(
     "tr",
-    { class: isUsed(pair) ? "" : "unused", title: isUsed(pair) ? null : "not used for the pose" },
+    { class: pair.isUsed ? "" : "unused", title: pair.isUsed ? null : "not used for the pose" },
     make("th", { scope: "row", title: name }, make("bdi", {}, name)),
     bar("inliers", formatCount(pair.numInliers), pair.numInliers / max.numInliers),
     bar("angle", formatDegrees(pair.rotationErrorDeg), pair.rotationErrorDeg / max.rotationErrorDeg),
@@ -61,15 +61,14 @@ export function pairTable(details: Details, row: number, scene: Scene, onPoint: 
   if (pairs.length === 0) {
     return make("p", { class: "muted" }, "No database image shares matches with this query.");
   }
-  const largest = (key: keyof Pair) =>
+  const largest = (key: keyof Maxima) =>
     Math.max(1e-9, ...pairs.map((pair) => pair[key]).filter((x) => !Number.isNaN(x)));
-  const max: Pair = {
-    image: 0,
+  const max: Maxima = {
     numInliers: largest("numInliers"),
     rotationErrorDeg: largest("rotationErrorDeg"),
     directionErrorDeg: largest("directionErrorDeg"),
   };
-  const numUsed = pairs.filter(isUsed).length;
+  const numUsed = pairs.filter((pair) => pair.isUsed).length;
   const head = make(
     "tr",
     {},

@@ -58,12 +58,12 @@ export function describeQuery(data: ViewData, query: number): string {
   return `${visibleText(queries.names[query])}: ${status}${Number.isFinite(confidence) ? `, confidence ${confidence.toFixed(2)}` : ""}`;
 }
 
-// Returns the database images whose measured pose of a query was used; the others have no rotation error.
+// Returns the database images on which the pose of a query rests.
 export async function usedDatabaseImages(data: ViewData, query: number): Promise<number[]> {
   const { details, row } = await data.loadDetails(query);
   const images: number[] = [];
   for (let pair = details.pairOffsets[row]; pair < details.pairOffsets[row + 1]; pair++) {
-    if (Number.isFinite(details.pairRotationErrorsDeg[pair])) images.push(details.pairImages[pair]);
+    if (details.pairIsUsed[pair] === 1) images.push(details.pairImages[pair]);
   }
   return images;
 }
