@@ -96,6 +96,8 @@ def test_photo_with_too_few_matches_keeps_its_pose_and_is_named(start, localized
     assert name in done.stderr.split("keep their poses")[1].splitlines()[0]
     alone, together = (read_results(path / "results.jsonl") for path in (localized.output_path, tmp_path / "output"))
     assert together[name]["cam_from_world"] == alone[name]["cam_from_world"]
+    assert together[name]["position_stddevs"] == pytest.approx(alone[name]["position_stddevs"], rel=1e-6)
+    assert together[name].get("camera") == alone[name].get("camera")
     assert {key for key, result in together.items() if not result["epoch"]["is_adjusted"]} == {name}
 
 

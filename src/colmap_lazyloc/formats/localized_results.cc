@@ -8,6 +8,7 @@
 
 #include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 
 namespace lazyloc {
 namespace {
@@ -49,11 +50,13 @@ LocalizationResult ReadResult(const Json& json) {
   const char* pose = result.status == QueryStatus::LOCALIZED ? "cam_from_world" : "unconfirmed_cam_from_world";
   if (!HasPose(result.status)) return result;
   result.cam_from_world = ReadPose(json.at(pose));
+  result.is_camera_refined = json.contains("camera");
   const Json& covariance = json.at("covariance");
   if (covariance.is_null()) return result;
   for (int row = 0; row < 6; ++row) {
     for (int col = 0; col < 6; ++col) result.covariance(row, col) = covariance.at(row).at(col);
   }
+  result.spread = MakePoseDistribution(result.cam_from_world, result.covariance).Spread();
   return result;
 }
 

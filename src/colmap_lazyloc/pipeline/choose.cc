@@ -229,6 +229,9 @@ bool IsFocalLengthUncertain(const Choice& given, const LocalizerOptions& options
   const IntrinsicsResult& intrinsics = IntrinsicsOf(given);
   if (AreContradicted(given, options)) return true;
   if (given.failure) return !AreFixed(intrinsics.origin);
+  // A camera of several database images is probably the photo's own, and no contradiction is left here. If the images
+  // tell little of the focal length, as photos of level ground from above, a wrong one may fit as well.
+  if (intrinsics.origin == IntrinsicsOrigin::SHARED && !IsRefused(given, options)) return false;
   return !(LogFocalStddev(intrinsics) <= kMaxConclusiveStddev) ||
          Judge(intrinsics, options).wrong_probability > kMinWrongProbability;
 }

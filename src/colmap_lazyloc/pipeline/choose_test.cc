@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/pipeline/choose.h"
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -200,6 +201,12 @@ TEST_F(ChooseTest, DoubtInAFocalLength) {
   EXPECT_FALSE(IsFocalLengthUncertain(Choice(given), options_));
   intrinsics.focal_factor_stddev = 0.02;
   EXPECT_TRUE(IsFocalLengthUncertain(Choice(given), options_)) << "its score tells nothing";
+  intrinsics.origin = IntrinsicsOrigin::SHARED;
+  EXPECT_FALSE(IsFocalLengthUncertain(Choice(given), options_)) << "it is probably the photo's camera";
+  const PoseEvidence likely = std::exchange(given.evidence[0], query_.Unlikely());
+  EXPECT_TRUE(IsFocalLengthUncertain(Choice(given), options_)) << "its pose is refused";
+  given.evidence[0] = likely;
+  intrinsics.origin = IntrinsicsOrigin::GIVEN;
   intrinsics.focal_factor_stddev = 0.001;
   intrinsics.focal_factor = 1.02;
   EXPECT_TRUE(IsFocalLengthUncertain(Choice(given), options_)) << "its score speaks against it";
