@@ -11,6 +11,7 @@ COMMANDS = {
     "groups": ("localization.groups", "queries localized jointly, as frames of a rig, as pieces of a trajectory"),
     "photos": ("photos.compare_with_database", "queries that are only photos against queries of the database"),
     "retrieval": ("photos.retrieval", "what the retrieval index finds, its size and times"),
+    "orientations": ("photos.orientations", "photos stored in each orientation of EXIF, against upright ones"),
     "photometric_stress": (
         "photos.photometric_stress",
         "photos in the dark, out of focus, in haze, by SIFT and ALIKED",

@@ -3,11 +3,6 @@
 import struct
 
 import cv2
-import numpy as np
-import PIL.Image
-
-from colmap_lazyloc.model import Camera
-from colmap_lazyloc.poses import Pose
 
 TIFF_HEADER = b"II*\0" + struct.pack("<I", 8)  # little-endian; the first directory follows
 
@@ -38,45 +33,3 @@ def write_jpeg(path, pixels, focal_length_35mm, make="Maker", model="Model"):
     assert is_encoded
     jpeg = jpeg.tobytes()
     path.write_bytes(jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + jpeg[2:])
-
-
-# What a program does with the stored pixels to display a photo, by the orientation in EXIF: counter-clockwise quarter
-# turns, or a reflection.
-TURNS = {1: 0, 3: 2, 6: 3, 8: 1}
-MIRRORS = {
-    2: PIL.Image.Transpose.FLIP_LEFT_RIGHT,
-    4: PIL.Image.Transpose.FLIP_TOP_BOTTOM,
-    5: PIL.Image.Transpose.TRANSPOSE,
-    7: PIL.Image.Transpose.TRANSVERSE,
-}
-ORIENTATION = 0x0112
-
-
-def write_oriented(path, source, orientation):
-    """Writes a photo as a JPEG file whose pixels are stored in this orientation, so that it is displayed as before."""
-    with PIL.Image.open(source) as photo:
-        upright = photo.convert("RGB")
-    if orientation in MIRRORS:
-        stored = upright.transpose(MIRRORS[orientation])  # each undoes itself
-    else:
-        stored = upright.rotate(-90 * TURNS[orientation], expand=True)
-    exif = PIL.Image.Exif()
-    exif[ORIENTATION] = orientation
-    path.parent.mkdir(parents=True, exist_ok=True)
-    stored.save(path, quality=97, subsampling=0, exif=exif)
-
-
-def stored_camera(camera, orientation):
-    """Returns the camera of the stored pixels, for an upright one with one focal length and a principal point."""
-    focal_length, x, y, *distortion = camera.params
-    width, height = camera.width, camera.height
-    for _ in range(-TURNS[orientation] % 4):
-        x, y, width, height = y, width - x, height, width
-    return Camera(camera.model, width, height, (focal_length, x, y, *distortion))
-
-
-def stored_pose(pose, orientation):
-    """Returns cam_from_world of the stored pixels, for that of the upright ones."""
-    quarter_turn = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
-    rotation = np.linalg.matrix_power(quarter_turn, -TURNS[orientation] % 4)
-    return Pose.from_matrix(rotation @ pose.rotation, rotation @ pose.tvec)

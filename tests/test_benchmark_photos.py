@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks import __main__ as benchmarks
-from benchmarks.photos import photometric_stress
+from benchmarks.photos import orientations, photometric_stress
 from conftest import DATA_PATH
 
 
@@ -49,6 +49,20 @@ def test_aliked_features_see_through_haze(photos, colmap, tmp_path, capsys, monk
     (errors,) = [row[1:] for row in rows if row[0] == "all"]
     assert all(error.endswith(", 2") for error in errors)
     assert errors[-1] == "1.00 [1.00, 1.00], 2", "what SIFT localizes is left alone by AUTO"
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_photos_in_all_orientations(photos, colmap, work_path, capsys, is_given, monkeypatch):
+    monkeypatch.setattr(orientations, "INTRINSICS", {is_given: orientations.INTRINSICS[is_given]})
+    _, rows = run("orientations", photos, colmap, work_path / "orientations", capsys)
+    of = {row[1]: row for row in rows if row[1].isdigit()}
+    for orientation in "1368":
+        row = of[orientation]
+        assert row[2] == "4 of 4"  # of two images, a landscape and a portrait photo
+        assert float(row[7].split(", ")[1]) < 50, "the errors are those of the photos as displayed"
+        assert (float(row[3].split(", ")[1]) == 0) == (orientation == "1")
+    for orientation in "2457":
+        assert of[orientation][2:4] == ["0 of 4", "UNREADABLE_IMAGE"]
 
 
 def test_unknown_benchmark_lists_those_that_there_are(capsys):

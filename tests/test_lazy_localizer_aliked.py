@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import colmap_lazyloc as ll
+from benchmarks.photos.oriented_photos import stored_camera, stored_pose, write_oriented
 from colmap_lazyloc.onnx import LIBRARY_VARIABLE
 from conftest import DATA_PATH, assert_refused
-from exif import stored_camera, stored_pose, write_oriented
 from photo_scene import CAMERA
 
 onnxruntime = pytest.importorskip("onnxruntime")

@@ -7,7 +7,7 @@ import sqlite3
 import pytest
 
 import photo_scene
-from exif import MIRRORS, TURNS, stored_camera, stored_pose, write_oriented
+from benchmarks.photos.oriented_photos import MIRRORS, TURNS, stored_camera, stored_pose, write_oriented
 
 UPRIGHT = ["--SiftExtraction.upright", "1"]
 

@@ -12,6 +12,7 @@ import PIL.Image
 import pytest
 
 import photo_scene
+from benchmarks.photos.oriented_photos import write_oriented
 from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.database import tidy_images
 from colmap_lazyloc.errors import InputError
@@ -23,7 +24,7 @@ from colmap_lazyloc.project.photos import convert_photos, find_photos, has_one_c
 from colmap_lazyloc.report import __main__ as report
 from colmap_lazyloc.results import read_results
 from colmap_lazyloc.testing import synthetic
-from exif import write_jpeg, write_oriented
+from exif import write_jpeg
 
 CAMERA = photo_scene.CAMERA
 EXIF_MAKE = 271

@@ -5,6 +5,7 @@ import dataclasses
 import hashlib
 import pathlib
 import shutil
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -69,9 +70,16 @@ class Fold:
 
 
 def make_fold(
-    scene_path: pathlib.Path, first: int, work_path: pathlib.Path, colmap: pathlib.Path, *, is_matched: bool = True
+    scene_path: pathlib.Path,
+    first: int,
+    work_path: pathlib.Path,
+    colmap: pathlib.Path,
+    *,
+    is_matched: bool = True,
+    extraction: Sequence[object] = (),
 ) -> Fold:
-    """Makes the databases of a fold, unless they are there. Without `is_matched`, only the one of photos."""
+    """Makes the databases of a fold, unless they are there. Without `is_matched`, only the one of photos. `extraction`
+    has options of feature_extractor."""
     scene = load_scene(scene_path)
     names = sorted(scene.images)
     query_names = names[first::QUERY_STEP]
@@ -83,7 +91,7 @@ def make_fold(
     shutil.rmtree(fold.work_path, ignore_errors=True)
     fold.work_path.mkdir(parents=True)
     fold.query_list_path.write_text("".join(f"{name} {scene.camera(name).text()}\n" for name in query_names))
-    features_path = extract_scene_features(scene, fold.work_path.parent, colmap)
+    features_path = extract_scene_features(scene, fold.work_path.parent, colmap, extraction)
     shutil.copyfile(features_path, fold.photo_path)
     remove_queries(fold)
     if is_matched:
@@ -110,15 +118,18 @@ def match_queries(fold: Fold, features_path: pathlib.Path):
     )
 
 
-def extract_scene_features(scene: Scene, work_path: pathlib.Path, colmap: pathlib.Path) -> pathlib.Path:
-    """Creates a database with COLMAP's SIFT features of all images and the scene's cameras; returns its path."""
+def extract_scene_features(
+    scene: Scene, work_path: pathlib.Path, colmap: pathlib.Path, extraction: Sequence[object] = ()
+) -> pathlib.Path:
+    """Creates a database with COLMAP's features of all images (by default, SIFT) and the scene's cameras; returns its
+    path."""
     path, staged_path = work_path / "features.db", work_path / "features.new"
     if path.exists():
         return path
     staged_path.unlink(missing_ok=True)
     for camera_id, camera in scene.cameras.items():
         names = sorted(name for name, image in scene.images.items() if image.camera_id == camera_id)
-        extract_features(colmap, staged_path, scene.path / "images", names, camera)
+        extract_features(colmap, staged_path, scene.path / "images", names, camera, *extraction)
     staged_path.rename(path)
     return path
 
