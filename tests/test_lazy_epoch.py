@@ -8,11 +8,11 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import write_lines
 
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.results import read_results, to_pose
 from colmap_lazyloc.testing import synthetic
+from conftest import write_lines
 
 NUM_PHOTOS = 8
 HIDDEN = "query/000.jpg"  # shares matches only with other new photos
