@@ -202,7 +202,7 @@ def _orientation(data: bytes) -> int:
         import PIL.Image
 
         with PIL.Image.open(io.BytesIO(data)) as photo:
-            return photo.getexif().get(ORIENTATION, 1)
+            return int(photo.getexif().get(ORIENTATION, 1))
     except Exception:  # without Pillow, and each decoder raises others for damaged files
         return 1
 
