@@ -15,6 +15,7 @@ import pyproj
 import pytest
 
 import photo_scene
+from colmap_lazyloc import progress
 from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.demo.renderer import RayGrid
@@ -24,8 +25,9 @@ from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 from colmap_lazyloc.poses import read_poses
-from colmap_lazyloc.project import colmap_runner, steps
-from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
+from colmap_lazyloc.progress import ProgressBar
+from colmap_lazyloc.project import steps
+from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
 from colmap_lazyloc.serve.map import Source
@@ -391,7 +393,7 @@ def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
         def refresh(self):
             shown.append("drawn")
 
-    monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: Bar)
+    monkeypatch.setattr(progress, "terminal_bar", lambda: Bar)
     bar = ProgressBar("mapping", 20, "photos have poses")
     for line in LOG:
         bar.read(line, {})
@@ -412,7 +414,7 @@ def test_bar_without_a_total_shows_what_is_done_and_the_time(monkeypatch):
         def set_postfix_str(self, text, refresh):
             formats.append(self.bar_format)
 
-    monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: Bar)
+    monkeypatch.setattr(progress, "terminal_bar", lambda: Bar)
     bar = ProgressBar("", what="comparing")
     bar.show(0, 0, "indexing 75 images")
     bar.show(1, 25, "queries")
@@ -420,9 +422,9 @@ def test_bar_without_a_total_shows_what_is_done_and_the_time(monkeypatch):
 
 
 def test_lines_of_progress_have_the_time_that_is_left(monkeypatch, caplog):
-    monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: None)
+    monkeypatch.setattr(progress, "terminal_bar", lambda: None)
     now = 1000.0
-    monkeypatch.setattr(colmap_runner.time, "monotonic", lambda: now)
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
     caplog.set_level("INFO", logger="colmap_lazyloc")
     bar = ProgressBar("mapping", 20, "photos have poses")
     for seconds, done in ((20, 1), (40, 2), (45, 3), (400, 20), (4000, 30), (40000, 40)):
@@ -461,9 +463,9 @@ def test_time_goes_on_while_a_program_prints_nothing(monkeypatch, caplog, has_te
             if record.getMessage().startswith("photos have poses: "):
                 drawn.release()
 
-    monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: Bar if has_terminal else None)
-    monkeypatch.setattr(colmap_runner, "SECONDS_PER_TICK", 0.01)
-    monkeypatch.setattr(colmap_runner, "SECONDS_PER_LINE", 0.01)
+    monkeypatch.setattr(progress, "terminal_bar", lambda: Bar if has_terminal else None)
+    monkeypatch.setattr(progress, "SECONDS_PER_TICK", 0.01)
+    monkeypatch.setattr(progress, "SECONDS_PER_LINE", 0.01)
     caplog.set_level("INFO", logger="colmap_lazyloc")
     logging.getLogger("colmap_lazyloc").addHandler(lines := Lines())
     try:

@@ -20,7 +20,7 @@ from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
-from colmap_lazyloc.project.colmap_runner import ProgressBar
+from colmap_lazyloc.progress import ProgressBar
 
 MAX_NUM_NAMED = 10  # images that contradict the others
 MAX_NUM_TURNED = 3  # images that are named as turned, or as not compared, and pairs that do not agree

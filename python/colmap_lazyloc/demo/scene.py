@@ -17,7 +17,7 @@ from colmap_lazyloc.demo.renderer import RayGrid, Rectangle, render
 from colmap_lazyloc.demo.textures import Colour
 from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.poses import Pose, look_at, write_poses
-from colmap_lazyloc.project.colmap_runner import ProgressBar
+from colmap_lazyloc.progress import ProgressBar
 
 # The courtyard in metres: x east, y north, z up, the origin on the ground in the middle.
 SIZE = np.array([16.0, 12.0, 6.0])

@@ -13,7 +13,8 @@ from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.model import poses_of, read_model
 from colmap_lazyloc.pose_formats.control_points import POINT_STDDEV_M, ControlPoints, MarkedPhotos
 from colmap_lazyloc.pose_formats.posed_images import Positions
-from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
+from colmap_lazyloc.progress import ProgressBar
+from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
 
 MIN_NUM_PHOTOS = 3

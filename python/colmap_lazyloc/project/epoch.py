@@ -16,7 +16,7 @@ from colmap_lazyloc.pose_formats.control_points import ControlPoints, MarkedPhot
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 from colmap_lazyloc.program import has_command
-from colmap_lazyloc.project.colmap_runner import ProgressBar
+from colmap_lazyloc.progress import ProgressBar
 from colmap_lazyloc.project.folder import MATCHES, RUN, fingerprint
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
 from colmap_lazyloc.project.steps import MAX_NUM_EXHAUSTIVE, SEQUENCE_REACH, Project

@@ -28,8 +28,9 @@ from colmap_lazyloc.pose_formats.exif_gps import in_local_frame, read_photos, wr
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, Positions, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
+from colmap_lazyloc.progress import ProgressBar
 from colmap_lazyloc.project.alignment import NotAlignedError, align_to_points, align_to_positions
-from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
+from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.distance import Distance, scale_to_distance
 from colmap_lazyloc.project.folder import (
     ALIGNMENT,
