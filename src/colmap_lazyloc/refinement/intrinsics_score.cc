@@ -19,8 +19,8 @@ namespace {
 // would else be a rounding error.
 constexpr double kRegularization = 1e-9;
 
-// Factor on what common errors add to the mean square of the patterns: more of them look like corrections.
-constexpr double kExcessFactor = 5;
+// How often what common errors add to the squares of the patterns counts once more: more of them look like corrections.
+constexpr double kExcessWeight = 4;
 
 // Number of clusters that a pose uses up: half of its unknowns, because the errors that a cluster shares are
 // displacements in two coordinates.
@@ -207,9 +207,9 @@ class ScoreBuilder {
     score_.frame_shared_errors = of_frame.Excess(columns.template topRows<kSize>(), kNumClusterParameters);
     const Eigen::CompleteOrthogonalDecomposition<PatternMatrix> solver(scatter);
     const double squares = score.dot(solver.solve(score)), num_squares = static_cast<double>(solver.rank());
-    const double mean = (kCommonErrorFactor + squares) / (1 + num_squares);
-    const double without = (kCommonErrorFactor + num_squares) / (1 + num_squares);  // expected of independent errors
-    score_.common_error_factor = std::max(1.0, mean + (kExcessFactor - 1) * std::max(mean - without, 0.0));
+    const double excess = std::max(squares - num_squares, 0.0);  // over the squares of independent errors
+    score_.common_error_factor =
+        std::max(1.0, (kCommonErrorFactor + squares + kExcessWeight * excess) / (1 + num_squares));
   }
 
   // Returns what makes the equations of the patterns from those of all columns. A focal length that is estimated has

@@ -31,9 +31,9 @@ struct IntrinsicsScore {
   Matrix information = Matrix::Zero();
   Vector score = Vector::Zero();
   // Factor on the covariance that independent errors give `score` and the corrections, because errors that many points
-  // of the image share, as with a rolling shutter, suggest other intrinsics without making the images disagree. It is
-  // by the mean of squares, over their variances by independent errors: those of displacements that neither a pose nor
-  // a correction makes, and kCommonErrorFactor.
+  // of the image share, as with a rolling shutter, suggest other intrinsics without making the images disagree. It
+  // grows with the squares, over their variances by independent errors, of displacements that neither a pose nor a
+  // correction makes; kCommonErrorFactor counts as one more.
   double common_error_factor = 1;
   // What errors that the matches with a database image share add to the covariance of the frame's parameters: 6x6, or
   // 7x7 with the factor (ClusterCovariance). Tracks with depths do not count.

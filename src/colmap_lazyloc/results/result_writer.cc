@@ -5,6 +5,7 @@
 #include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/files/staged_output.h"
+#include "colmap_lazyloc/formats/localized_results.h"
 #include "colmap_lazyloc/results/model_writer.h"
 #include "colmap_lazyloc/results/position_files.h"
 #include "colmap_lazyloc/results/result_text.h"
@@ -32,7 +33,7 @@ ResultWriter::ResultWriter(const fs::path& output_path) : output_path_(output_pa
   if (IsTaken(output_path) && !fs::is_directory(output_path, ignored)) {
     throw InputError(output_path.string() + ": is not a folder");
   }
-  if (IsTaken(output_path / "model") && !IsTaken(output_path / "results.jsonl")) {
+  if (IsTaken(output_path / "model") && !IsTaken(output_path / kResultsFile)) {
     throw InputError((output_path / "model").string() +
                      ": would be replaced, but no earlier run has written it (there is no results.jsonl beside it)");
   }
@@ -63,7 +64,7 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   StagedOutput staged(output_path_, {}, staging_parent);
   MakeFolder(staged / "model");
   WritePoses(staged / "poses.txt", records);
-  WriteResultsJson(staged / "results.jsonl", records, model.axes);
+  WriteResultsJson(staged / kResultsFile, records, model.axes);
   WritePositionsCsv(staged / "positions.csv", records, model.axes);
   WriteModel(staged / "model", staged / "observations", model, records, database);
   OutputFile options_file(staged / "options.ini");
@@ -74,7 +75,7 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   if (const auto& origin = model.axes.geographic_origin) {
     WritePositionsGeojson(staged / kGeojsonFile, records, *origin);
   }
-  std::vector<std::string> entries = {"poses.txt", "results.jsonl", "positions.csv", "options.ini", "model"}, stale;
+  std::vector<std::string> entries = {"poses.txt", kResultsFile, "positions.csv", "options.ini", "model"}, stale;
   for (const char* name : {kRigPosesFile, kLeaveOneOutFile, kGeojsonFile}) {
     (IsTaken(staged / name) ? entries : stale).emplace_back(name);
   }
