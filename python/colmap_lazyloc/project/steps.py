@@ -298,6 +298,7 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None) ->
     folder = project.folder
     models = {path: len(read_model(path).images) for path in folder.sparse.iterdir() if path.is_dir()}
     largest = max(sorted(models), key=lambda path: models[path])
+    is_level = not isinstance(known, Distance)
     try:
         if isinstance(known, Distance):
             text = scale_to_distance(folder, project.runner, project.colmap, largest, known)
@@ -310,13 +311,14 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None) ->
         if known is not None:
             option = "control_points" if isinstance(known, ControlPoints) else "poses"
             raise InputError(f"--{option}: {error}") from None
+        is_level = False
         remove(folder.model)
         shutil.copytree(largest, folder.model)
         logger.warning("lengths are in units of the model, because %s; --scale gives metres", error)
     else:
         logger.info(text)
         (folder.model / ALIGNMENT).write_text(f"{text}\n", encoding="utf-8")
-    if isinstance(known, Distance) or not (folder.model / ALIGNMENT).exists():
+    if not is_level:
         text = "No axis of this model is known to point up, so results have no heading, pitch and roll."
         (folder.model / ARBITRARY_AXES).write_text(f"{text}\n", encoding="utf-8")
 
@@ -412,7 +414,8 @@ def localize(
     has_localizer = has_command(project.colmap, "lazy_localizer")
     words: list[object] = [*command_line(str(project.colmap) if has_localizer else None, "lazy_localizer")]
     words += ["--database_path", database, "--input_path", folder.model, "--image_path", folder.images]
-    if num_database_images > MAX_NUM_EXHAUSTIVE and not is_stored:
+    is_retrieved = num_database_images > MAX_NUM_EXHAUSTIVE and not is_stored
+    if is_retrieved:
         # The index follows from the features, with which it is forgotten, and from the seed.
         index_key = fingerprint(re.findall(r"--LazyLocalizer\.seed[= ](\S+)", " ".join(options)))
         if folder.index.exists() and not _is_intact(folder.index):
@@ -434,7 +437,7 @@ def localize(
     words += [*project.sift_options, *options]
     count = len(query_lines)
     with ProgressBar("localizing 1 query" if count == 1 else f"localizing {count} queries", count, "queries") as bar:
-        if "--retrieval_index_path" in words and not folder.index.exists():
+        if is_retrieved and not folder.index.exists():
             bar.show(0, 0, f"indexing {num_database_images} database images")  # until the first result
         project.runner.run(words, bar)
     project.results.finish()

@@ -19,8 +19,8 @@ def detail_chunk(run: Run, block: int, repeat: RepeatCommands) -> tuple[Values, 
     """Returns the values and arrays of a chunk."""
     queries = run.queries[block * DETAILS_PER_BLOCK : (block + 1) * DETAILS_PER_BLOCK]
     stages = stage_names(queries)
-    pairs = [pair for result in queries for pair, _ in _known_pairs(run, result)]
-    is_used = [used for result in queries for _, used in _known_pairs(run, result)]
+    known = [_known_pairs(run, result) for result in queries]
+    pairs = [pair for of_query in known for pair, _ in of_query]
     values = {
         "stages": stages,
         "facts": [facts(result, run.unit, _camera(run, result)) for result in queries],
@@ -30,10 +30,10 @@ def detail_chunk(run: Run, block: int, repeat: RepeatCommands) -> tuple[Values, 
         "seconds": np.array(
             [[result["seconds"].get(stage, np.nan) for stage in stages] for result in queries], np.float32
         ),
-        "pairOffsets": np.cumsum([0] + [len(_known_pairs(run, result)) for result in queries]).astype(np.uint32),
+        "pairOffsets": np.cumsum([0, *map(len, known)]).astype(np.uint32),
         "pairImages": np.array([run.database_index[pair["name"]] for pair in pairs], np.uint32),
         "pairNumInliers": np.array([pair["num_inliers"] for pair in pairs], np.uint32),
-        "pairIsUsed": np.array(is_used, np.uint8),
+        "pairIsUsed": np.array([used for of_query in known for _, used in of_query], np.uint8),
         "pairRotationErrorsDeg": _floats([pair["rotation_error_deg"] for pair in pairs]),
         "pairDirectionErrorsDeg": _floats([pair["direction_error_deg"] for pair in pairs]),
     }
