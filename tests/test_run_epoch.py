@@ -14,7 +14,7 @@ from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project.epoch import common_cameras, epoch_pairs, warn_of_rigs
 from colmap_lazyloc.pycolmap_types import image_from_cam
-from colmap_lazyloc.results import find_results, read_results
+from colmap_lazyloc.results import find_results, read_results, to_pose
 from report_pages import ReportPage
 
 POSE = {"qvec": [1.0, 0.0, 0.0, 0.0], "tvec": [0.0, 0.0, 0.0]}
@@ -118,7 +118,7 @@ def test_panoramas_are_refused(colmap, photos, monkeypatch, tmp_path, capsys, ro
     assert "--epoch" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
-def test_photos_without_intrinsics_share_a_camera(colmap, photos, monkeypatch, tmp_path):
+def test_photos_without_intrinsics_share_a_camera_that_stays(colmap, photos, monkeypatch, tmp_path):
     """The photos are cut, so that no camera of the database has their size."""
     monkeypatch.setenv("COLMAP", str(colmap))
     (tmp_path / "new").mkdir()
@@ -128,5 +128,10 @@ def test_photos_without_intrinsics_share_a_camera(colmap, photos, monkeypatch, t
     assert run(photos, tmp_path / "out", "--epoch", queries=tmp_path / "new") == 0
     results = read_results(tmp_path / "out/localized/results.jsonl")
     assert {result["intrinsics_source"] for result in results.values()} == {"joint"}
+    for name, adjusted in read_results(tmp_path / "out/epoch/results.jsonl").items():
+        assert adjusted["camera"] == results[name]["camera"]
+        assert adjusted["intrinsics"]["covariance"] == results[name]["intrinsics"]["covariance"]
+        error = to_pose(adjusted["cam_from_world"]).cam_in_world - photos.poses[name].cam_in_world
+        assert error @ np.linalg.solve(adjusted["position_covariance"], error) < 25, "within 5 standard deviations"
     for name, pose in read_poses(tmp_path / "out/epoch/poses.txt").items():
         assert pose.errors(photos.poses[name])[0] < 0.05

@@ -56,6 +56,7 @@ class IntrinsicsFields(TypedDict):
     focal_factor: float | None
     focal_factor_stddev: float | None
     contradiction: str | None
+    covariance: NotRequired[list[list[float]]]
 
 
 class PoseNoiseFields(TypedDict):

@@ -248,8 +248,47 @@ class JointSolver {
     const Eigen::Map<const RowMajorMatrix> jacobian(crs.num_rows, crs.num_cols, static_cast<int>(crs.values.size()),
                                                     crs.rows.data(), crs.cols.data(), crs.values.data());
     const auto scale = Eigen::Map<const Eigen::VectorXd>(scales.data(), static_cast<Eigen::Index>(scales.size()));
-    adjustment->information = scale.asDiagonal() * ReducedSystem(jacobian, static_cast<int>(scales.size()));
-    adjustment->information = adjustment->information * scale.asDiagonal();
+    const SparseMatrix of_poses = SparseMatrix(jacobian.leftCols(scale.size())) * scale.asDiagonal();
+    const SparseMatrix of_points = jacobian.rightCols(jacobian.cols() - scale.size());
+    const SparseMatrix inverse = InverseOfPoints(of_points);
+    adjustment->information = Reduced(of_poses, of_poses, of_points, inverse);
+    adjustment->coupling_with_cameras = Reduced(of_poses, DerivativeByCorrections(residuals), of_points, inverse);
+  }
+
+  // Returns the weight of an observation in Cauchy's loss. row: of the first of its two residuals.
+  static double Weight(const std::vector<double>& residuals, Eigen::Index row) {
+    const double square = residuals[row] * residuals[row] + residuals[row + 1] * residuals[row + 1];
+    return 1 / (1 + square / (kLossScaleSigma * kLossScaleSigma));
+  }
+
+  // Returns the derivative of the weighted residuals with respect to corrections of the constant cameras' intrinsics.
+  SparseMatrix DerivativeByCorrections(const std::vector<double>& residuals) const {
+    std::vector<Eigen::Triplet<double>> elements;
+    int row = 0;
+    for (const JointPoint& point : scene_.points) {
+      for (const JointObservation& observation : point.observations) {
+        const JointImage& image = scene_.images[observation.image];
+        const JointCamera& camera = scene_.cameras[image.camera];
+        if (!camera.covariance.isZero(0)) {
+          const double noise_px = point.survey ? point.survey->mark_noise_px : image.noise_px;
+          const Eigen::Vector2d projection =
+              image.keypoints[observation.keypoint] + noise_px * Eigen::Vector2d(residuals[row], residuals[row + 1]);
+          const Eigen::Matrix<double, 2, NUM_INTRINSICS_PARAMETERS> derivative =
+              std::sqrt(Weight(residuals, row)) / noise_px *
+              CorrectionDerivative(projection - PrincipalPoint(camera.camera));
+          for (int k = 0; k < 2; ++k) {
+            for (int col = 0; col < NUM_INTRINSICS_PARAMETERS; ++col) {
+              elements.emplace_back(row + k, NUM_INTRINSICS_PARAMETERS * image.camera + col, derivative(k, col));
+            }
+          }
+        }
+        row += 2;
+      }
+    }
+    SparseMatrix derivative(static_cast<Eigen::Index>(residuals.size()),
+                            static_cast<Eigen::Index>(NUM_INTRINSICS_PARAMETERS * scene_.cameras.size()));
+    derivative.setFromTriplets(elements.begin(), elements.end());
+    return derivative;
   }
 
   // Multiplies the rows of each observation by the root of its weight in Cauchy's loss. Returns the variance factor.
@@ -259,7 +298,7 @@ class JointSolver {
     double sum_weights = 0, sum_derivatives = 0, sum_squares = 0;
     for (Eigen::Index row = 0; row < num_errors; row += 2) {
       const double square = residuals[row] * residuals[row] + residuals[row + 1] * residuals[row + 1];
-      const double weight = 1 / (1 + square / (kLossScaleSigma * kLossScaleSigma));
+      const double weight = Weight(residuals, row);
       sum_weights += weight;
       sum_derivatives += weight * weight;
       sum_squares += weight * weight * square / 2;
@@ -270,9 +309,8 @@ class JointSolver {
            degrees_of_freedom;
   }
 
-  static SparseMatrix ReducedSystem(const SparseMatrix& jacobian, int num_columns) {
-    const SparseMatrix of_cameras = jacobian.leftCols(num_columns);
-    const SparseMatrix of_points = jacobian.rightCols(jacobian.cols() - num_columns);
+  // Returns the inverse of the points' part of the normal equations.
+  static SparseMatrix InverseOfPoints(const SparseMatrix& of_points) {
     SparseMatrix inverse = of_points.transpose() * of_points;  // blocks of three columns on the diagonal
     inverse.makeCompressed();
     std::vector<Eigen::Triplet<double>> elements;
@@ -291,9 +329,14 @@ class JointSolver {
       }
     }
     inverse.setFromTriplets(elements.begin(), elements.end());
-    const SparseMatrix coupling = of_cameras.transpose() * of_points;
-    const SparseMatrix reduction = coupling * inverse;
-    return SparseMatrix(of_cameras.transpose() * of_cameras) - SparseMatrix(reduction * coupling.transpose());
+    return inverse;
+  }
+
+  // Returns a part of the normal equations with the points eliminated, by the derivatives of the residuals.
+  static SparseMatrix Reduced(const SparseMatrix& left, const SparseMatrix& right, const SparseMatrix& of_points,
+                              const SparseMatrix& inverse_of_points) {
+    const SparseMatrix reduction = SparseMatrix(left.transpose() * of_points) * inverse_of_points;
+    return SparseMatrix(left.transpose() * right) - SparseMatrix(reduction * SparseMatrix(of_points.transpose() * right));
   }
 
   JointScene& scene_;

@@ -25,6 +25,9 @@ struct JointAdjustment {
   // deviation of a database image from its prior (refinement/pose_prior.h). Empty unless it was wanted.
   Eigen::SparseMatrix<double> information;
   std::vector<int> first_parameter;  // by image; -1: the image is not adjusted
+  // Information that the adjusted parameters have in common with corrections of the constant cameras' intrinsics: six
+  // columns for each camera of the scene, which are zero if the camera's covariance is.
+  Eigen::SparseMatrix<double> coupling_with_cameras;
 };
 
 // Adjusts the poses of all images, the cameras that are not constant (focal length and distortion), and the points.

@@ -8,6 +8,7 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/colmap_program.h"
+#include "colmap_lazyloc/group/uncalibrated_camera.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
@@ -176,6 +177,33 @@ TEST(AdjustInRounds, PhotosOfALongLensAreAdjusted) {
   ASSERT_TRUE(AdjustInRounds(&scene.given).summary.success);
   EXPECT_GT(scene.given.points.size(), 250u);
   EXPECT_LT(MeanPositionError(scene.given, scene.exact), 0.008);
+}
+
+// The images would correct the intrinsics, but these were estimated before with errors that the images share.
+TEST(AdjustInRounds, CovariancesContainTheErrorsOfConstantIntrinsics) {
+  SceneOptions options;
+  options.photo_camera = WithAllCorrections(MakeCamera());
+  IntrinsicsCorrections stddevs;
+  stddevs << /*log f=*/0.01, /*px=*/4, 4, /*log aspect ratio=*/0.002, /*px at 1000 px=*/4, 4;
+  double sum = 0;
+  constexpr uint32_t kNumScenes = 20;
+  for (options.seed = 1; options.seed <= kNumScenes; ++options.seed) {
+    TestScene scene = MakeScene(options);
+    Random random(options.seed);
+    std::normal_distribution<double> normal;
+    JointCamera& camera = scene.given.cameras[0];
+    camera.camera =
+        Corrected(options.photo_camera, stddevs.unaryExpr([&](double stddev) { return stddev * normal(random); }));
+    camera.is_constant = true;
+    camera.covariance = stddevs.cwiseAbs2().asDiagonal();
+    const std::vector<double> params = camera.camera.params;
+    const AdjustedPhotos adjustment = AdjustInRounds(&scene.given);
+    ASSERT_TRUE(adjustment.summary.success);
+    EXPECT_EQ(camera.camera.params, params);
+    sum += NormalizedError(adjustment, scene.given, scene.exact);
+  }
+  EXPECT_GT(sum / kNumScenes, 0.5);
+  EXPECT_LT(sum / kNumScenes, 2);
 }
 
 TEST(AdjustInRounds, FalseMatchesAreLeftOut) {

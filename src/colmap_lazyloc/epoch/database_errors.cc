@@ -20,6 +20,7 @@ namespace lazyloc {
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using PoseByCorrections = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 using SparseMatrix = Eigen::SparseMatrix<double>;
 using RowMajorMatrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
@@ -204,6 +205,8 @@ std::vector<Matrix6d> DatabaseErrors::PhotoCovariances(const JointScene& scene,
   change.setFromTriplets(changes.begin(), changes.end());
   const InformationFactor factor(adjustment.information + change, places);
   if (!factor.Succeeded()) return covariances;
+  // The negative derivative of the parameters by corrections of the cameras.
+  const Eigen::MatrixXd by_corrections = factor.Solve(Eigen::MatrixXd(adjustment.coupling_with_cameras));
   std::vector<Rigid3d> viewpoints;
   for (int i = 0; i < layout_.num_queries; ++i) viewpoints.push_back(scene.images[i].cam_from_world);
   PredictedErrors predicted;
@@ -225,7 +228,14 @@ std::vector<Matrix6d> DatabaseErrors::PhotoCovariances(const JointScene& scene,
           Eigen::Vector3d::Constant(predicted.position_variances[i]);
       of_prediction = derivative * unpredicted.asDiagonal() * derivative.transpose();
     }
-    const Matrix6d covariance = adjustment.variance_factor * (factor.Covariance(first, gain) + of_prediction);
+    const int camera = scene.images[i].camera;
+    const auto of_camera = by_corrections.middleCols<NUM_INTRINSICS_PARAMETERS>(NUM_INTRINSICS_PARAMETERS * camera);
+    PoseByCorrections by_camera = of_camera.middleRows<6>(first);
+    for (Eigen::Index j = 0; j < size; ++j) {
+      for (int k = 0; k < 6; ++k) by_camera += gain.row(k * size + j).transpose() * of_camera.row(places[j] + k);
+    }
+    const Matrix6d covariance = adjustment.variance_factor * (factor.Covariance(first, gain) + of_prediction) +
+                                by_camera * scene.cameras[camera].covariance * by_camera.transpose();
     if (covariance.diagonal().minCoeff() > 0) covariances[i] = (covariance + covariance.transpose()) / 2;
   }
   return covariances;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -18,13 +19,15 @@ CameraKey KeyOf(const Camera& camera, const std::string& owner) {
   return {camera.model_id, camera.width, camera.height, camera.params, owner};
 }
 
-// Returns the camera of a localized photo if it is one of the model, or somebody has given it; else null.
-const Camera* FindKnownCamera(const Model& model, const LocalizationResult& result) {
+// Returns the camera of a localized photo if it is one of the model, or calibrated before; else nullopt.
+std::optional<JointCamera> FindKnownCamera(const Model& model, const LocalizationResult& result) {
   for (const auto& id_and_camera : model.cameras) {
-    if (SameIntrinsics(id_and_camera.second, result.query_camera)) return &id_and_camera.second;
+    if (SameIntrinsics(id_and_camera.second, result.query_camera)) return JointCamera{id_and_camera.second, true};
   }
-  const bool is_given = result.intrinsics.origin == IntrinsicsOrigin::GIVEN && !result.is_camera_refined;
-  return is_given ? &result.query_camera : nullptr;
+  const IntrinsicsOrigin origin = result.intrinsics.origin;
+  const bool is_given = origin == IntrinsicsOrigin::GIVEN && !result.is_camera_refined;
+  if (!is_given && origin != IntrinsicsOrigin::JOINT) return std::nullopt;
+  return JointCamera{result.query_camera, true, result.intrinsics.covariance};
 }
 
 // Returns the median of each parameter, of the cameras with the most frequent model.
@@ -52,10 +55,10 @@ std::vector<EpochCamera> ChooseCameras(const Model& model, const DatabaseReader&
   std::map<CameraKey, int> camera_of_key, camera_of_stored;
   std::vector<EpochCamera> cameras;
   std::vector<std::vector<Camera>> localized;  // by camera
-  const auto find_or_add = [&](const CameraKey& key, const Camera& camera, bool is_known) {
+  const auto find_or_add = [&](const CameraKey& key, const JointCamera& camera) {
     const auto [entry, is_new] = camera_of_key.emplace(key, static_cast<int>(cameras.size()));
     if (is_new) {
-      cameras.push_back({camera, is_known, 0});
+      cameras.push_back({camera, 0});
       localized.emplace_back();
     }
     return entry->second;
@@ -70,9 +73,8 @@ std::vector<EpochCamera> ChooseCameras(const Model& model, const DatabaseReader&
       continue;
     }
     const CameraKey stored_key = KeyOf(stored, shares ? "" : photo.Name());
-    const Camera* const known = FindKnownCamera(model, photo.record.result);
-    photo.camera =
-        known != nullptr ? find_or_add(KeyOf(*known, "known"), *known, true) : find_or_add(stored_key, stored, false);
+    const std::optional<JointCamera> known = FindKnownCamera(model, photo.record.result);
+    photo.camera = known ? find_or_add(KeyOf(known->camera, "known"), *known) : find_or_add(stored_key, {stored});
     camera_of_stored.emplace(stored_key, photo.camera);
     ++cameras[photo.camera].num_photos;
     localized[photo.camera].push_back(photo.record.result.query_camera);
@@ -80,7 +82,7 @@ std::vector<EpochCamera> ChooseCameras(const Model& model, const DatabaseReader&
   for (const auto& [photo, stored] : rest) {
     const CameraKey key = KeyOf(stored, shares ? "" : photo->Name());
     const auto entry = camera_of_stored.find(key);
-    photo->camera = entry != camera_of_stored.end() ? entry->second : find_or_add(key, stored, false);
+    photo->camera = entry != camera_of_stored.end() ? entry->second : find_or_add(key, {stored});
   }
   for (size_t i = 0; i < cameras.size(); ++i) {
     if (!cameras[i].is_constant && !localized[i].empty()) cameras[i].camera = MedianCamera(localized[i]);

@@ -4,16 +4,15 @@
 #include <optional>
 #include <vector>
 
+#include "colmap_lazyloc/scene/joint_scene.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/query_record.h"
 
 namespace lazyloc {
 
 // Intrinsics that photos of an epoch share.
-struct EpochCamera {
-  Camera camera;
-  bool is_constant = false;  // a camera of the database images, or given
-  int num_photos = 0;        // that have it and a pose
+struct EpochCamera : JointCamera {  // constant: a camera of the database images, or calibrated before
+  int num_photos = 0;               // that have it and a pose
 };
 
 // New photo of an epoch.

@@ -92,7 +92,7 @@ int EpochSceneBuilder::AddModelImage(const ModelImage& posed, const std::vector<
 EpochScene EpochSceneBuilder::Build(const std::vector<EpochPhoto>& photos, const std::vector<EpochCamera>& cameras) {
   EpochScene epoch;
   epoch.origin = MeanPosition(photos);
-  for (const EpochCamera& camera : cameras) epoch.scene.cameras.push_back({camera.camera, camera.is_constant});
+  for (const EpochCamera& camera : cameras) epoch.scene.cameras.push_back(camera);
   for (size_t i = 0; i < photos.size(); ++i) {
     const EpochPhoto& photo = photos[i];
     if (!photo.is_placed) continue;

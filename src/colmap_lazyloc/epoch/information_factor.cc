@@ -72,4 +72,25 @@ InformationFactor::Matrix6d InformationFactor::Covariance(int first, const Eigen
   return x.transpose() * diagonal_.cwiseInverse().asDiagonal() * x;
 }
 
+Eigen::MatrixXd InformationFactor::Solve(const Eigen::MatrixXd& columns) const {
+  const Permutation order(order_);
+  const auto last = of_deviations_.triangularView<Eigen::UnitLower>();
+  const Eigen::Index num_others = of_others_.cols(), num_last = of_deviations_.rows();
+  Eigen::MatrixXd x = order * columns;
+  for (Eigen::Index col = 0; col < num_others; ++col) {
+    for (SparseMatrix::InnerIterator element(of_others_, col); element; ++element) {
+      if (element.row() > col) x.row(element.row()) -= element.value() * x.row(col);
+    }
+  }
+  x.bottomRows(num_last) = last.solve(Eigen::MatrixXd(x.bottomRows(num_last)));
+  x = diagonal_.cwiseInverse().asDiagonal() * x;
+  x.bottomRows(num_last) = last.transpose().solve(Eigen::MatrixXd(x.bottomRows(num_last)));
+  for (Eigen::Index col = num_others - 1; col >= 0; --col) {
+    for (SparseMatrix::InnerIterator element(of_others_, col); element; ++element) {
+      if (element.row() > col) x.row(col) -= element.value() * x.row(element.row());
+    }
+  }
+  return order.transpose() * x;
+}
+
 }  // namespace lazyloc

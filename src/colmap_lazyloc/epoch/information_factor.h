@@ -24,6 +24,8 @@ class InformationFactor {
   // Returns the covariance of six consecutive parameters, which are not deviations, plus functions of the deviations.
   // first: index of the first parameter. by_deviations: has a column per function, and the rows of OnDeviations.
   Matrix6d Covariance(int first, const Eigen::MatrixXd& by_deviations) const;
+  // Returns the product of the information's inverse with columns of values by parameter.
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& columns) const;
 
  private:
   bool succeeded_ = false;

@@ -37,6 +37,7 @@ TEST(InformationFactor, AgreesWithTheDenseInverse) {
   gain.middleRows<6>(12).setIdentity();
   for (int i = 0; i < 12; ++i) gain.row(deviations[i]) = by_deviations.row(i);
   EXPECT_TRUE(factor.Covariance(12, by_deviations).isApprox(gain.transpose() * covariance * gain, 1e-9));
+  EXPECT_TRUE(factor.Solve(gain).isApprox(covariance * gain, 1e-9));
 }
 
 TEST(InformationFactor, NeedsNoDeviations) {

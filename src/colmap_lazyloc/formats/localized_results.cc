@@ -30,6 +30,15 @@ Rigid3d ReadPose(const Json& json) {
           Eigen::Vector3d(t.at(0), t.at(1), t.at(2))};
 }
 
+// Returns false for null.
+bool ReadMatrix(const Json& json, Eigen::Matrix<double, 6, 6>* matrix) {
+  if (json.is_null()) return false;
+  for (int row = 0; row < 6; ++row) {
+    for (int col = 0; col < 6; ++col) (*matrix)(row, col) = json.at(row).at(col);
+  }
+  return true;
+}
+
 LocalizationResult ReadResult(const Json& json) {
   LocalizationResult result;
   result.query_name = json.at("name");
@@ -46,16 +55,13 @@ LocalizationResult ReadResult(const Json& json) {
   if (json.contains("intrinsics")) {
     ReadEnum(json.at("intrinsics").at("origin"), &result.intrinsics.origin);
     ReadEnum(json.at("intrinsics").at("verdict"), &result.intrinsics.verdict);
+    ReadMatrix(json.at("intrinsics").value("covariance", Json()), &result.intrinsics.covariance);
   }
   const char* pose = result.status == QueryStatus::LOCALIZED ? "cam_from_world" : "unconfirmed_cam_from_world";
   if (!HasPose(result.status)) return result;
   result.cam_from_world = ReadPose(json.at(pose));
   result.is_camera_refined = json.contains("camera");
-  const Json& covariance = json.at("covariance");
-  if (covariance.is_null()) return result;
-  for (int row = 0; row < 6; ++row) {
-    for (int col = 0; col < 6; ++col) result.covariance(row, col) = covariance.at(row).at(col);
-  }
+  if (!ReadMatrix(json.at("covariance"), &result.covariance)) return result;
   result.spread = MakePoseDistribution(result.cam_from_world, result.covariance).Spread();
   return result;
 }

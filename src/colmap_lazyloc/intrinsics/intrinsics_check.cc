@@ -103,7 +103,8 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       pose.of_images += by_others * mean_square * by_others.transpose();
       if (result.origin == IntrinsicsOrigin::JOINT && !camera) {
         checked.cameras[query] = problem.query_camera;
-        pose.of_images += derivatives * problem.intrinsics_covariance * derivatives.transpose();
+        result.covariance = problem.intrinsics_covariance;
+        pose.of_images += derivatives * result.covariance * derivatives.transpose();
       }
       // An estimated focal length moves with them.
       const auto log_focal_by_others = score.log_factor_from_correction.tail<kNumOtherCorrections>();

@@ -110,8 +110,11 @@ Choice BetterGiven(Choice choice, const Solution& next) {
 Choice WithEstimate(const Choice& given, const IntrinsicsResult& estimate, IntrinsicsVerdict verdict,
                     const std::string& contradiction) {
   Choice choice = given;
-  choice.intrinsics.front() = {IntrinsicsOf(given).origin, verdict, estimate.focal_factor, estimate.focal_factor_stddev,
-                               contradiction};
+  IntrinsicsResult& intrinsics = choice.intrinsics.front();
+  intrinsics.focal_factor = estimate.focal_factor;
+  intrinsics.focal_factor_stddev = estimate.focal_factor_stddev;
+  intrinsics.verdict = verdict;
+  intrinsics.contradiction = contradiction;
   return choice;
 }
 

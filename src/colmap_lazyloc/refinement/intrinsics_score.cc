@@ -40,12 +40,7 @@ using Information = Eigen::Matrix<double, kNumColumns, kNumColumns>;
 // projection from the principal point.
 Derivative ProjectionDerivative(const Eigen::Vector2d& offset) {
   Derivative derivative;
-  derivative.col(LOG_FOCAL_FACTOR) = offset;
-  derivative.col(PRINCIPAL_POINT_X) = Eigen::Vector2d::UnitX();
-  derivative.col(PRINCIPAL_POINT_Y) = Eigen::Vector2d::UnitY();
-  derivative.col(LOG_ASPECT_RATIO) = Eigen::Vector2d(-0.5, 0.5).cwiseProduct(offset);
-  derivative.col(RADIAL_DISTORTION) = offset * offset.squaredNorm() / std::pow(kRadialUnitPx, 3);
-  derivative.col(FIFTH_POWER_DISTORTION) = offset * std::pow(offset.squaredNorm(), 2) / std::pow(kRadialUnitPx, 5);
+  derivative.leftCols<NUM_INTRINSICS_PARAMETERS>() = CorrectionDerivative(offset);
   const double x = offset.x() / kRadialUnitPx, y = offset.y() / kRadialUnitPx;
   derivative.rightCols<kNumPatterns>() << y, x * x, y * y, 0, 0, x, 0, 0, x * x, y * y;
   return derivative;

@@ -10,6 +10,7 @@
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/frame.h"
+#include "colmap_lazyloc/scene/intrinsics_parameter.h"
 #include "colmap_lazyloc/scene/match.h"
 
 namespace lazyloc {
@@ -18,6 +19,7 @@ namespace lazyloc {
 struct JointCamera {
   Camera camera;
   bool is_constant = false;
+  IntrinsicsCovariance covariance = IntrinsicsCovariance::Zero();  // of a constant camera
 };
 
 // Image of a joint scene.

@@ -13,6 +13,7 @@
 #include "colmap_lazyloc/scene/database_pose_noise.h"
 #include "colmap_lazyloc/scene/depth_result.h"
 #include "colmap_lazyloc/scene/enum_names.h"
+#include "colmap_lazyloc/scene/intrinsics_parameter.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
 #include "colmap_lazyloc/scene/query_prior.h"
 #include "colmap_lazyloc/scene/query_status.h"
@@ -75,7 +76,8 @@ struct IntrinsicsResult {
   // deviation.
   double focal_factor = 1;
   double focal_factor_stddev = 0;
-  std::string contradiction;  // one sentence; empty unless something is contradicted
+  IntrinsicsCovariance covariance = IntrinsicsCovariance::Zero();  // JOINT only
+  std::string contradiction;                                       // one sentence; empty unless something is contradicted
 };
 
 // The most probable other explanation of the images with a pose.
