@@ -81,20 +81,21 @@ def warnings(capsys):
 
 
 def test_bad_photos_are_left_out_by_name(run, place, capsys):
-    """Database images that are empty, unreadable, of another size, or links to nothing; a query that is unreadable."""
+    """Database images that are empty, unreadable, of another size, or links to nothing; queries that are unreadable."""
     (place / DATABASE / "0.png").write_bytes(b"")
     (place / DATABASE / "1.png").write_bytes(b"no photo")
     small = cv2.resize(cv2.imread(str(place / DATABASE / "2.png")), None, fx=0.5, fy=0.5)
     cv2.imwrite(str(place / DATABASE / "2.png"), small)
     (place / QUERY / "bad.png").write_bytes(b"no photo")
     (place / QUERY / "lost.png").symlink_to("nowhere.png")
+    (place / QUERY / "loop.png").symlink_to("loop.png")
     output = run()
     (line,) = warnings(capsys)
     assert "3 of 6 photos are left out: database/0.png (cannot be read), database/1.png (cannot be read)" in line
     assert "database/2.png (has 240 x 180 pixels, its camera 480 x 360)" in line
     assert localized(output) == ["query/0.png", "query/1.png"]
     results = read_results(output / "localized" / "results.jsonl")
-    assert {results[f"query/{name}.png"]["status"] for name in ("bad", "lost")} == {"UNREADABLE_IMAGE"}
+    assert {results[f"query/{name}.png"]["status"] for name in ("bad", "lost", "loop")} == {"UNREADABLE_IMAGE"}
     run("--strict", exit_code=2)  # the names come again
     assert len(warnings(capsys)) == 1
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <system_error>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/sift.h"
@@ -57,6 +58,12 @@ std::optional<double> ConsistentFocalLengthPx(const colmap::Bitmap& bitmap) {
   return focal_length_px;
 }
 
+// COLMAP's own check throws an exception for a file that cannot be looked up, for example a link to itself.
+bool IsFile(const std::filesystem::path& path) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(path, error);
+}
+
 }  // namespace
 
 bool SiftExtractionOptions::Check(std::string* error) const {
@@ -78,7 +85,7 @@ std::string ExifMakeAndModel(const std::string& colmap_name) {
 
 std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path, bool as_rgb) {
   auto bitmap = std::make_shared<colmap::Bitmap>();
-  if (!ReadImage(path, as_rgb, bitmap.get())) return std::nullopt;
+  if (!IsFile(path) || !ReadImage(path, as_rgb, bitmap.get())) return std::nullopt;
   const int orientation = static_cast<int>(ExifNumber(*bitmap, "Orientation").value_or(0));
   PhotoFile file;
   file.properties_ = {static_cast<uint64_t>(bitmap->Width()),
@@ -93,7 +100,7 @@ std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path, bool
 
 std::optional<PhotoFile> PhotoFile::ReadReduced(const std::filesystem::path& path, int max_size) {
   auto bitmap = std::make_shared<colmap::Bitmap>();
-  if (!lazyloc::ReadReduced(path, max_size, bitmap.get())) return std::nullopt;
+  if (!IsFile(path) || !lazyloc::ReadReduced(path, max_size, bitmap.get())) return std::nullopt;
   ScaleDown(max_size, &std::round, bitmap.get());
   PhotoFile file;
   file.properties_.width = static_cast<uint64_t>(bitmap->Width());
