@@ -305,6 +305,18 @@ def test_photos_that_colmap_cannot_read_are_counted(tmp_path, caplog):
     assert list(find_photos(folder, [])) == ["IMG_3.JPG"] and "3 files are left out" in caplog.text
 
 
+def test_videos_among_photos_are_counted(tmp_path, caplog):
+    for name in ("walk.mp4", "IMG_1.MOV"):
+        (tmp_path / name).touch()
+    line = r"2 files are left out: 1 \.mov, 1 \.mp4 \(pass the path of a video instead of the folder's\)"
+    with pytest.raises(InputError, match=line):
+        find_photos(tmp_path, [])
+    for name in ("IMG_1.JPG", "IMG_2.dng"):
+        (tmp_path / name).touch()
+    assert list(find_photos(tmp_path, [])) == ["IMG_1.JPG"]
+    assert "convert to JPEG); 2 files are left out: 1 .mov" in caplog.text
+
+
 def test_heic_without_its_package(tmp_path, monkeypatch):
     (tmp_path / "IMG_1.HEIC").touch()
     monkeypatch.setattr(photos_of_projects, "convertible_suffixes", lambda: (".avif",))

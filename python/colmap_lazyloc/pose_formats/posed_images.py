@@ -39,6 +39,7 @@ IMAGE_SUFFIXES, PHONE_SUFFIXES = tuple(_READABLE.split()), tuple(_PHONES.split()
 # What macOS and network drives write beside photos: files `._photo.jpg`, and folders of these and of previews.
 NO_PHOTOS = ("._", "__MACOSX", "@eaDir", ".thumbnails", ".Trashes")
 UNREADABLE_SUFFIXES = tuple(_UNREADABLE.split())
+VIDEO_SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".webm")
 # Pillow refuses photos with twice as many pixels. Its own bound is below the 200 megapixels of some phones.
 MAX_NUM_PIXELS = 1 << 29
 

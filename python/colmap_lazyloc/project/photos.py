@@ -18,6 +18,7 @@ from colmap_lazyloc.pose_formats.posed_images import (
     PHONE_SUFFIXES,
     SIDEWAYS,
     UNREADABLE_SUFFIXES,
+    VIDEO_SUFFIXES,
     convertible_suffixes,
     list_images,
     open_photo,
@@ -40,14 +41,18 @@ MAX_NUM_NAMED = 5  # of photos that are left out
 
 def find_photos(source: pathlib.Path, excluded: Sequence[pathlib.Path]) -> dict[str, pathlib.Path]:
     """Returns the paths by name of the photos in a folder, or of a single one. `excluded`: folders of other images."""
+    videos = []
     if source.is_file():
         root, every = source.parent, [source.name]
     else:
         root, every = source, list_images(source, (*IMAGE_SUFFIXES, *PHONE_SUFFIXES, *UNREADABLE_SUFFIXES), excluded)
+        videos = list_images(source, VIDEO_SUFFIXES, excluded)
     others = set(PHONE_SUFFIXES).difference(convertible_suffixes()).union(UNREADABLE_SUFFIXES)
     unreadable = [name for name in every if pathlib.PurePath(name).suffix.lower() in others]
     names = sorted(set(every).difference(unreadable))
-    hint = _describe(unreadable) if unreadable else ""
+    hints = [_describe(unreadable, _remedy(unreadable))] if unreadable else []
+    hints += [_describe(videos, "pass the path of a video instead of the folder's")] if videos else []
+    hint = "; ".join(hints)
     if not names:
         raise InputError(f"{source}: {hint or 'holds no image file'}")
     if hint:
@@ -55,13 +60,17 @@ def find_photos(source: pathlib.Path, excluded: Sequence[pathlib.Path]) -> dict[
     return {name: root / name for name in names}
 
 
-def _describe(names: Sequence[str]) -> str:
+def _describe(names: Sequence[str], remedy: str) -> str:
     counts = Counter(pathlib.PurePath(name).suffix.lower() for name in names)
     kinds = ", ".join(f"{count} {suffix}" for suffix, count in sorted(counts.items()))
-    files, them = ("1 file is", "it") if len(names) == 1 else (f"{len(names)} files are", "them")
-    can_install = any(suffix in counts for suffix in PHONE_SUFFIXES)
-    remedy = "convert to JPEG" + (", or install pillow-heif" if can_install else "")
-    return f"{files} left out: {kinds} (COLMAP cannot read {them}: {remedy})"
+    files = "1 file is" if len(names) == 1 else f"{len(names)} files are"
+    return f"{files} left out: {kinds} ({remedy})"
+
+
+def _remedy(unreadable: Sequence[str]) -> str:
+    can_install = any(name.lower().endswith(PHONE_SUFFIXES) for name in unreadable)
+    them = "it" if len(unreadable) == 1 else "them"
+    return f"COLMAP cannot read {them}: convert to JPEG" + (", or install pillow-heif" if can_install else "")
 
 
 def has_one_camera(paths: Iterable[pathlib.Path]) -> bool:
