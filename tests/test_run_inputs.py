@@ -81,9 +81,10 @@ def warnings(capsys):
 
 
 def test_bad_photos_are_left_out_by_name(run, place, capsys):
-    """Database images that are empty, unreadable, of another size, or links to nothing; queries that are unreadable."""
+    """Database images that are empty, unreadable, of another size, links to themselves; unreadable queries."""
     (place / DATABASE / "0.png").write_bytes(b"")
-    (place / DATABASE / "1.png").write_bytes(b"no photo")
+    (place / DATABASE / "1.png").unlink()
+    (place / DATABASE / "1.png").symlink_to("1.png")
     small = cv2.resize(cv2.imread(str(place / DATABASE / "2.png")), None, fx=0.5, fy=0.5)
     cv2.imwrite(str(place / DATABASE / "2.png"), small)
     (place / QUERY / "bad.png").write_bytes(b"no photo")

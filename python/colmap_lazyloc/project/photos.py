@@ -1,7 +1,6 @@
 """The photos of a project: which files are used, what they are called, and what they hold."""
 
 import concurrent.futures
-import os
 import pathlib
 import re
 from collections import Counter
@@ -214,7 +213,8 @@ def _replace_links(folder: pathlib.Path, role: str, targets: Mapping[str, pathli
     for name, target in targets.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.symlink_to(os.path.realpath(target))  # unlike resolve(), accepts links to themselves
+        # COLMAP's extraction accepts a link to nothing, but ends at a link to itself.
+        path.symlink_to(target.resolve() if target.exists() else f"{path.name}.missing")
 
 
 def contents(folder: Folder, names: Iterable[str]) -> dict[str, str]:
