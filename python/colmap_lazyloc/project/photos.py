@@ -73,14 +73,14 @@ def _remedy(unreadable: Sequence[str]) -> str:
 
 
 def has_one_camera(paths: Iterable[pathlib.Path]) -> bool:
-    """True if EXIF shows that all photos of a size were taken by one camera, with one lens and zoom. Needs Pillow."""
+    """True if EXIF shows that one camera with one lens took all photos of a size and a focal length. Needs Pillow."""
     with concurrent.futures.ThreadPoolExecutor() as threads:
-        sizes, cameras = zip(*threads.map(_size_and_camera, paths), strict=True)
-    return None not in cameras and len(set(zip(sizes, cameras, strict=True))) == len(set(sizes))
+        kinds = list(threads.map(_kind_and_camera, paths))
+    return None not in kinds and len(set(kinds)) == len({kind for kind, _ in filter(None, kinds)})
 
 
-def _size_and_camera(path: pathlib.Path) -> tuple[tuple[int, int], tuple[str, ...] | None]:
-    """Returns what EXIF has of the camera, lens and zoom; None without a model or a focal length."""
+def _kind_and_camera(path: pathlib.Path) -> tuple[tuple[object, ...], tuple[str, ...]] | None:
+    """Returns size and focal length, and what EXIF has of the camera; None without a model or a focal length."""
     from PIL.ExifTags import IFD, Base
 
     try:
@@ -91,10 +91,11 @@ def _size_and_camera(path: pathlib.Path) -> tuple[tuple[int, int], tuple[str, ..
     except ImportError:
         raise
     except Exception:  # each decoder raises others for damaged files
-        return (0, 0), None
-    camera = [str(tags.get(tag, "")) for tag in (Base.Make, Base.Model, Base.LensModel, Base.DigitalZoomRatio)]
-    zoom = [str(tags.get(tag, "")) for tag in (Base.FocalLength, Base.FocalLengthIn35mmFilm)]
-    return size, (*camera, *zoom) if camera[1] and any(zoom) else None
+        return None
+    camera = tuple(str(tags.get(tag, "")) for tag in (Base.Make, Base.Model, Base.LensModel, Base.DigitalZoomRatio))
+    # COLMAP takes the first one that is there. Photos with different ones never share a camera.
+    focal_length = tags.get(Base.FocalLengthIn35mmFilm) or tags.get(Base.FocalLength)
+    return ((*size, str(focal_length)), camera) if camera[1] and focal_length else None
 
 
 def convert_photos(folder: Folder, role: str, paths: Mapping[str, pathlib.Path]) -> dict[str, pathlib.Path]:

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/loading/database_neighbours.h"
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <set>
 #include <tuple>
@@ -15,8 +16,10 @@
 namespace lazyloc {
 namespace {
 
-// Number of database images from which on the query's own tracks tell the size of the errors.
+// Numbers of database images, and of keypoints that two or more of them match, from which on the query's own tracks tell
+// the size of the errors.
 constexpr size_t kEnoughImages = 3;
+constexpr int kEnoughPoints = 200;
 // Maximum number of other images that an image is paired with, and of matches of a pair that are used.
 constexpr int kMaxNumNeighbours = 6;
 constexpr size_t kMaxNumMatches = 200;
@@ -27,6 +30,19 @@ constexpr double kMaxErrorPx = 4;
 
 int NumMatches(const ImagePair& pair) {
   return static_cast<int>(pair.geometry ? pair.geometry->inlier_matches.size() : pair.matches.size());
+}
+
+// Returns how many keypoints of a query match two or more database images.
+int NumCommonPoints(const std::vector<ImagePair>& pairs) {
+  std::map<uint32_t, int> num_images;  // by keypoint
+  for (const ImagePair& pair : pairs) {
+    if (NumMatches(pair) < kMinNumInliers) continue;
+    for (const Match& match : pair.geometry ? pair.geometry->inlier_matches : pair.matches) {
+      ++num_images[match.query_point];
+    }
+  }
+  return static_cast<int>(
+      std::count_if(num_images.begin(), num_images.end(), [](const auto& entry) { return entry.second > 1; }));
 }
 
 // A posed image whose keypoints become rays.
@@ -185,7 +201,9 @@ void DatabaseNeighbours::AddTo(const DatabaseReader& database, const MatchFuncti
     }
   }
   for (QueryImage& query : loaded->group.images) {
-    if (names[query.frame].empty() || names[query.frame].size() >= kEnoughImages) continue;
+    const bool has_enough_images = names[query.frame].size() >= kEnoughImages;
+    if (names[query.frame].empty()) continue;
+    if (has_enough_images && NumCommonPoints(query.problem.pairs) >= kEnoughPoints) continue;
     QueryRecord& record = loaded->records[&query - loaded->group.images.data()];
     const bool is_photo = record.matcher.has_value();
     const StageTimer timer("database_pairs", &record.seconds);
@@ -193,7 +211,8 @@ void DatabaseNeighbours::AddTo(const DatabaseReader& database, const MatchFuncti
       if (NumMatches(pair) < kMinNumInliers) continue;
       pair.neighbours =
           FindOnce(pair.other_name, query.problem.query_name, database, &pairs_, &DatabaseNeighbours::Read);
-      if (!pair.neighbours.empty() || !is_photo || !match_now) continue;
+      // Matching takes long.
+      if (!pair.neighbours.empty() || !is_photo || !match_now || has_enough_images) continue;
       const ModelImage* image = FindByName(selection_.DatabaseModel().images, pair.other_name);
       const DatabaseImage* stored = selection_.FindInDatabase(pair.other_name);
       pair.neighbours = *matched_pairs_.Get(stored->image_id,

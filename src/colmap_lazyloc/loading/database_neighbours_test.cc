@@ -16,8 +16,8 @@ using ::testing::UnorderedElementsAre;
 
 constexpr uint32_t kNumImages = 10, kQuery = 11;
 
-// Posed images 1.png to 10.png, all matched with each other; the query q.png has 50 matches with 1.png, 40 with 2.png
-// and 30 with 3.png. Image i has its keypoints at x = i.
+// Posed images 1.png to 10.png, all matched with each other; the query q.png has 320 matches with 1.png, 310 with 2.png
+// and 300 with 3.png. Image i has its keypoints at x = i.
 class DatabaseNeighboursTest : public IoTest {
  protected:
   DatabaseNeighboursTest() {
@@ -30,7 +30,7 @@ class DatabaseNeighboursTest : public IoTest {
       for (uint32_t other = 1; other < id && id <= kNumImages; ++other) AddPair(id, other, 100 - id - other);
       if (id <= kNumImages) images += std::to_string(id) + " 1 0 0 0 " + std::to_string(id) + " 0 0 1 " + name + "\n\n";
     }
-    for (const uint32_t id : {1, 2, 3}) AddPair(kQuery, id, 60 - 10 * id);
+    for (const uint32_t id : {1, 2, 3}) AddPair(kQuery, id, 330 - 10 * id);
     WriteFile("cameras.txt", "1 SIMPLE_PINHOLE 640 480 500 320 240\n");
     WriteFile("images.txt", images);
     options_.database_path = folder_ / "database.db";
@@ -80,10 +80,16 @@ TEST_F(DatabaseNeighboursTest, AreLoadedForOneOrTwoDatabaseImages) {
   for (const ImagePair& pair : Load()) EXPECT_EQ(pair.neighbours.size(), 6u);
   options_.num_retrieved = 20;
   for (const ImagePair& pair : Load()) EXPECT_THAT(pair.neighbours, IsEmpty());
-  database_.Execute("UPDATE two_view_geometries SET rows = 14, data = substr(data, 1, 112) WHERE rows = 30");
+  database_.Execute("UPDATE two_view_geometries SET rows = 14, data = substr(data, 1, 112) WHERE rows = 300");
   int num_with_neighbours = 0;
   for (const ImagePair& pair : Load()) num_with_neighbours += pair.neighbours.empty() ? 0 : 1;
   EXPECT_EQ(num_with_neighbours, 2) << "the third image has too few matches to count";
+}
+
+TEST_F(DatabaseNeighboursTest, AreLoadedForFewKeypointsThatTwoDatabaseImagesMatch) {
+  options_.num_retrieved = 20;
+  database_.Execute("UPDATE two_view_geometries SET rows = 199, data = substr(data, 1, 1592) WHERE rows IN (300, 310)");
+  for (const ImagePair& pair : Load()) EXPECT_EQ(pair.neighbours.size(), 6u);
 }
 
 TEST_F(DatabaseNeighboursTest, AreNotLoadedIfNobodyNeedsThem) {
@@ -117,7 +123,7 @@ TEST_F(DatabaseNeighboursTest, DamagedRecordsAreLeftOut) {
 }
 
 TEST_F(DatabaseNeighboursTest, NoneWithoutPairsOfTheDatabase) {
-  database_.Execute("DELETE FROM two_view_geometries WHERE rows > 50");
+  database_.Execute("DELETE FROM two_view_geometries WHERE rows < 100");
   EXPECT_THAT(Load().at(0).neighbours, IsEmpty());
 }
 
