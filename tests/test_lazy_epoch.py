@@ -197,6 +197,34 @@ def test_control_points_give_the_frame(start, localized, epoch, files, tmp_path)
     assert all(model.images[name].pose.bits() == image.pose.bits() for name, image in given.images.items())
 
 
+@pytest.mark.parametrize(
+    "misplace",
+    [
+        lambda place: place[[1, 2, 0]],
+        lambda place: place * 100,
+        lambda place: place + [300, 0, 0],
+        lambda place: place + 300 * np.sin(1e4 * place),
+    ],
+    ids=["axes", "unit", "shift", "nonsense"],
+)
+def test_control_points_that_fit_nothing_are_named_and_not_used(start, localized, epoch, files, tmp_path, misplace):
+    path = write_control_points(files, tmp_path / "points.txt")
+    words = [line.split(" ") for line in path.read_text().splitlines()]
+    for line in words:
+        if line[0] == "point":
+            line[3:6] = map(repr, misplace(np.array(line[3:6], float)).tolist())
+    path.write_text("\n".join(map(" ".join, words)))
+    done = start(
+        localized.output_path, tmp_path / "output", "--control_points_path", path, "--LazyEpoch.with_database", 1
+    )
+    assert done.returncode == 0, done.stderr
+    named = [line for line in done.stderr.splitlines() if "control point" in line]
+    assert len(named) == 1, done.stderr
+    assert named[0].startswith("WARNING: the control points do not fit the poses and the photos, and are not used")
+    assert "most marks are off by more than 5 px" in named[0] and "Check the coordinate system" in named[0]
+    assert (tmp_path / "output/poses.txt").read_bytes() == (epoch / "poses.txt").read_bytes()
+
+
 def test_wrong_mark_is_named(start, localized, files, tmp_path):
     path = write_control_points(files, tmp_path / "points.txt")
     lines = path.read_text().splitlines()

@@ -152,12 +152,14 @@ AdjustedPhotos AdjustInRounds(JointScene* scene) {
     if (!is_last) adjustment_options.min_cost_change_ratio = kStartMinCostChangeRatio;
     adjustment = AdjustJointly(adjustment_options, scene);
     RemoveControlPoints(scene, &control);
-    if (!adjustment.summary.success) return {adjustment.summary, {}, {}};
+    if (!adjustment.summary.success) return {adjustment.summary, {}, {}, false};
     if (round > 0 && !is_last) errors.Estimate(*scene, adjustment);
     EstimateNoise(scene);
     max_error_px = std::clamp(kMaxErrorSigma * LargestNoisePx(*scene), kMinMaxErrorPx, kStartMaxErrorPx);
   }
-  const AdjustedPhotos photos{adjustment.summary, errors.PhotoCovariances(*scene, adjustment), std::move(control)};
+  const bool control_fits = FitAdjustedScene(control, *scene);
+  const AdjustedPhotos photos{adjustment.summary, errors.PhotoCovariances(*scene, adjustment), std::move(control),
+                              control_fits};
   if (scene->control_points.empty()) {
     errors.ReturnToGivenDatabase(adjustment, scene);
     AdjustPoints(scene);

@@ -14,7 +14,8 @@ struct AdjustedPhotos {
   StageSummary summary;
   // By photo, for the tangent (w, dt) of cam_from_world; not finite for photos that their points do not determine.
   std::vector<Eigen::Matrix<double, 6, 6>> covariances;
-  ControlMarks control;  // at the adjusted places
+  ControlMarks control;       // at the adjusted places
+  bool control_fits = false;  // FitAdjustedScene
 };
 
 // Triangulates the scene's points anew and adjusts it, three times, each time with the noise of the images that the

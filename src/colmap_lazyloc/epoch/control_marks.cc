@@ -1,7 +1,6 @@
 #include "colmap_lazyloc/epoch/control_marks.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -17,9 +16,8 @@ namespace {
 
 constexpr double kMaxTriangulationErrorPx = 8;
 constexpr double kMinTriangulationAngleDeg = 1.5;  // as in COLMAP's mapper
-// Error above which a mark is wrong, in standard deviations of marks and in medians of all errors: the poses may be
-// off.
-constexpr double kMaxMarkErrorSigma = 5, kMaxMarkErrorRatio = 5;
+// Error up to which a mark is not wrong, in medians of all errors: the poses may be off.
+constexpr double kMaxMarkErrorRatio = 5;
 
 // Returns the control points with the marks in database images and in photos that are adjusted.
 std::vector<JointPoint> PointsInAdjustedImages(const JointScene& scene) {
@@ -57,15 +55,25 @@ std::optional<Eigen::Vector3d> Intersect(const JointScene& scene, const JointPoi
   return found ? std::make_optional(found->point_in_world) : std::nullopt;
 }
 
-Eigen::Vector3d ShiftFromSurvey(const JointScene& scene, const std::vector<JointPoint>& points) {
-  std::array<std::vector<double>, 3> shifts;
+// Returns the vectors from where points were surveyed to where the rays of their marks meet.
+std::vector<Eigen::Vector3d> ShiftsFromSurvey(const JointScene& scene, const std::vector<JointPoint>& points) {
+  std::vector<Eigen::Vector3d> shifts;
   for (const JointPoint& point : points) {
     const std::optional<Eigen::Vector3d> place = Intersect(scene, point);
-    for (int k = 0; place && k < 3; ++k) shifts[k].push_back((*place)[k] - point.survey->place[k]);
+    if (place) shifts.emplace_back(*place - point.survey->place);
   }
-  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
-  for (int k = 0; k < 3 && !shifts[k].empty(); ++k) shift[k] = Median(std::move(shifts[k]));
-  return shift;
+  return shifts;
+}
+
+// Returns the median of each coordinate.
+Eigen::Vector3d MedianOf(const std::vector<Eigen::Vector3d>& shifts) {
+  Eigen::Vector3d median = Eigen::Vector3d::Zero();
+  for (int k = 0; k < 3 && !shifts.empty(); ++k) {
+    std::vector<double> values;
+    for (const Eigen::Vector3d& shift : shifts) values.push_back(shift[k]);
+    median[k] = Median(std::move(values));
+  }
+  return median;
 }
 
 }  // namespace
@@ -73,7 +81,11 @@ Eigen::Vector3d ShiftFromSurvey(const JointScene& scene, const std::vector<Joint
 ControlMarks FindFittingMarks(const JointScene& scene) {
   ControlMarks marks;
   marks.points = PointsInAdjustedImages(scene);
-  const Eigen::Vector3d shift = ShiftFromSurvey(scene, marks.points);
+  const std::vector<Eigen::Vector3d> shifts = ShiftsFromSurvey(scene, marks.points);
+  const Eigen::Vector3d shift = MedianOf(shifts);
+  std::vector<double> distances;
+  for (const Eigen::Vector3d& each : shifts) distances.push_back(each.norm());
+  if (!distances.empty()) marks.median_distance = Median(std::move(distances));
   std::vector<double> errors_px;
   for (JointPoint& point : marks.points) {
     point.point_in_world = point.survey->place + shift;
@@ -98,6 +110,16 @@ ControlMarks FindFittingMarks(const JointScene& scene) {
     point.observations = std::move(fitting);
   }
   return marks;
+}
+
+bool FitAdjustedScene(const ControlMarks& marks, const JointScene& scene) {
+  std::vector<double> errors_sigma;
+  for (const JointPoint& point : marks.points) {
+    for (const JointObservation& mark : point.observations) {
+      errors_sigma.push_back(ReprojectionErrorPx(scene, point, mark) / point.survey->mark_noise_px);
+    }
+  }
+  return !errors_sigma.empty() && Median(std::move(errors_sigma)) <= kMaxMarkErrorSigma;
 }
 
 }  // namespace lazyloc

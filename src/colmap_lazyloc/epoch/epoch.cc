@@ -82,9 +82,9 @@ void TakeAdjusted(const EpochScene& epoch, const AdjustedPhotos& adjusted, std::
   }
 }
 
-// Adjusts a scene, and takes over what comes of it. Returns what the control points have shown.
-ControlMarks Adjust(const std::function<void(const std::string&)>& report, EpochScene* epoch,
-                    std::vector<EpochCamera>* cameras, std::vector<EpochPhoto>* photos) {
+// Adjusts a scene, and takes over what comes of it.
+AdjustedPhotos Adjust(const std::function<void(const std::string&)>& report, EpochScene* epoch,
+                      std::vector<EpochCamera>* cameras, std::vector<EpochPhoto>* photos) {
   AdjustedPhotos adjusted = AdjustInRounds(&epoch->scene);
   report(Format("adjusted %d photos with %d database images and %d points: %s", static_cast<int>(epoch->photos.size()),
                 static_cast<int>(epoch->scene.images.size() - epoch->photos.size()),
@@ -94,7 +94,7 @@ ControlMarks Adjust(const std::function<void(const std::string&)>& report, Epoch
   } else {
     for (const int photo : epoch->photos) (*photos)[photo].record.epoch->is_adjusted = false;
   }
-  return std::move(adjusted.control);
+  return adjusted;
 }
 
 // Returns true if adjustment has moved a photo by more than its localization lets expect.
@@ -231,6 +231,22 @@ void CountPhotos(const std::vector<EpochPhoto>& photos, std::vector<EpochCamera>
   for (size_t i = 0; i < counts.size(); ++i) (*cameras)[i].num_photos = counts[i];
 }
 
+// Reports that the control points are not used, because they contradict the poses and the photos.
+void ReportMisfit(const ControlMarks& marks, double mark_stddev_px,
+                  const std::function<void(const std::string&)>& report) {
+  const std::string distance =
+      std::isfinite(marks.median_distance)
+          ? Format(" (by their marks, the points are %.*f from their coordinates, in the unit of the model)",
+                   marks.median_distance < 10 ? 3 : 0, marks.median_distance)
+          : "";
+  report(Format(
+      "WARNING: the control points do not fit the poses and the photos, and are not used: most marks are off by more "
+      "than %.3g px%s. Check the coordinate system of the points and of the poses (CRS, order of the axes, unit), and "
+      "that the marks are of the right points. If the coordinates are less accurate than stated, increase their "
+      "standard deviation",
+      kMaxMarkErrorSigma * mark_stddev_px, distance.c_str()));
+}
+
 // Reports which marks of control points were not used, and how far the others are off.
 void ReportControlPoints(const std::vector<ControlPoint>& control, const EpochScene& epoch, const ControlMarks& marks,
                          const std::function<void(const std::string&)>& report) {
@@ -254,13 +270,35 @@ void ReportControlPoints(const std::vector<ControlPoint>& control, const EpochSc
       squares_px += error_px * error_px;
     }
   }
-  if (num_points == 0) {
-    report("WARNING: no control point could be used: the survey does not place the new photos");
-    return;
-  }
   const Eigen::Vector3d rms = (squares / num_points).cwiseSqrt();
   report(Format("%d control points: off by %.4f %.4f %.4f (root mean square), and by %.2f px at %d marks in new photos",
                 num_points, rms.x(), rms.y(), rms.z(), std::sqrt(squares_px / std::max(num_marks, 1)), num_marks));
+}
+
+// Adjusts a scene again, with control points. Returns false, and changes nothing, if no control point can be used.
+bool PlaceBySurvey(const std::vector<ControlPoint>& control, const EpochOptions& options,
+                   const std::function<void(const std::string&)>& report, EpochSceneBuilder* builder, EpochScene* epoch,
+                   std::vector<EpochCamera>* cameras, std::vector<EpochPhoto>* photos) {
+  EpochScene surveyed = builder->Build(*photos, *cameras);
+  builder->AddControlPoints(control, options.mark_stddev_px, &surveyed);
+  std::vector<EpochCamera> new_cameras = *cameras;
+  std::vector<EpochPhoto> new_photos = *photos;
+  const AdjustedPhotos adjusted = Adjust(report, &surveyed, &new_cameras, &new_photos);
+  if (!adjusted.control_fits) {
+    const auto has_mark = [](const JointPoint& point) { return !point.observations.empty(); };
+    const std::vector<JointPoint>& points = adjusted.control.points;
+    if (adjusted.control.wrong.empty() && std::none_of(points.begin(), points.end(), has_mark)) {
+      report("WARNING: no control point could be used: the survey does not place the new photos");
+    } else {
+      ReportMisfit(adjusted.control, options.mark_stddev_px, report);
+    }
+    return false;
+  }
+  ReportControlPoints(control, surveyed, adjusted.control, report);
+  *epoch = std::move(surveyed);
+  *cameras = std::move(new_cameras);
+  *photos = std::move(new_photos);
+  return true;
 }
 
 }  // namespace
@@ -293,12 +331,9 @@ std::vector<QueryRecord> AdjustEpoch(const Model& model, std::vector<Localizatio
     if (num_found + num_removed == 0) break;
     CountPhotos(photos, &cameras);
   }
-  if (!control.empty()) {
-    epoch = builder.Build(photos, cameras);
-    builder.AddControlPoints(control, options.mark_stddev_px, &epoch);
-    ReportControlPoints(control, epoch, Adjust(report, &epoch, &cameras, &photos), report);
-  }
-  ReportLeftOut(photos, !control.empty(), report);
+  const bool is_surveyed =
+      !control.empty() && PlaceBySurvey(control, options, report, &builder, &epoch, &cameras, &photos);
+  ReportLeftOut(photos, is_surveyed, report);
   PointsAdder(epoch, &photos).AddAll();
   std::vector<QueryRecord> records;
   for (EpochPhoto& photo : photos) records.push_back(std::move(photo.record));
