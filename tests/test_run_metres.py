@@ -382,6 +382,12 @@ def write_control_points(folder, photos, places):
     return folder / "points.csv", folder / "marks.csv"
 
 
+def files_of(folder):
+    """Returns what the files of a run's model, results and report hold."""
+    paths = [*folder.glob("model/*"), *folder.glob("localized/*"), folder / "report.html", folder / "steps.json"]
+    return {path: path.read_bytes() for path in paths if path.is_file()}
+
+
 def test_run_by_control_points(courtyard, photos, tmp_path, capsys):
     places = {f"P{i}": place for i, place in enumerate([(-2, 3, 0), (2, 3, 0), (0, 4, 2), (-1, 5, 1), (1.5, 4, 1)])}
     files = write_control_points(tmp_path, photos, places)
@@ -396,10 +402,12 @@ def test_run_by_control_points(courtyard, photos, tmp_path, capsys):
     files = write_control_points(tmp_path, photos, {"P0": (-2, 3, 0), "P1": (2, 3, 0)})
     courtyard("--control_points", *files, exit_code=1)
     assert "--control_points: 2 points have marks in two or more photos of " in capsys.readouterr().err
+    before = files_of(output)
     for height in (0.03, 0):
         places = {f"P{i}": (x, 3, height * i * i) for i, x in enumerate((-2, 0, 2))}
         courtyard("--control_points", *write_control_points(tmp_path, photos, places), exit_code=1)
         assert "--control_points: the control points are almost on a line" in capsys.readouterr().err
+        assert files_of(output) == before, "what the first run has made stays"
 
 
 def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys):

@@ -45,11 +45,12 @@ LOCALIZED, EPOCH, REPORT, RUN, EARLIER = (
     "run.json",
     "earlier",
 )  # results, which kept.py keeps
+STAGED = "staged"  # what a step makes before it replaces what an earlier run has made
 MATCHES = "matches.db"  # features and matches of the photos, in the folder of an epoch
 ALIGNMENT = "alignment.txt"  # beside a model of the mapper: one sentence on where its metres come from
 ARBITRARY_AXES = "arbitrary_axes.txt"  # beside a model none of whose axes is known to point up; lazy_localizer reads it
 # Of no step; "converted" and the results are kept, the others are written anew.
-OTHER_FILES = ("converted", "images", "masks", "lists", LOCALIZED, EPOCH, REPORT, RUN, EARLIER)
+OTHER_FILES = ("converted", "images", "masks", "lists", STAGED, LOCALIZED, EPOCH, REPORT, RUN, EARLIER)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +74,7 @@ class Folder:
     localized = property(lambda self: self.path / LOCALIZED)
     epoch = property(lambda self: self.path / EPOCH)
     report = property(lambda self: self.path / REPORT)
+    staged = property(lambda self: Folder(self.path / STAGED))
     log = property(lambda self: self.path / "log.txt")
     steps = property(lambda self: self.path / RECORD)
 
@@ -134,15 +136,20 @@ class Steps:
 
         `resumes`: keeps what the step has made if it was begun with this key and not finished.
         """
-        key, files = self._version + key, FILES[name]
-        if self._keys.get(name) == key and all((self._folder.path / file).exists() for file in files[:1]):
+        if self.is_done(name, key):
             return False
+        key = self._version + key
         is_begun = resumes and self._keys.get(name) == f"{key} begun"
         following = CHAIN[CHAIN.index(name) + 1 :] if name in CHAIN else ()
         self.forget(*following, *([] if is_begun else [name]))
         self._keys[name] = f"{key} begun"
         self._write()
         return True
+
+    def is_done(self, name: str, key: str) -> bool:
+        """True if the step is done with this key."""
+        are_there = all((self._folder.path / file).exists() for file in FILES[name][:1])
+        return are_there and self._keys.get(name) == self._version + key
 
     def keys(self, *names: str) -> list[str | None]:
         """Returns the keys of steps, None for those that have not begun."""

@@ -265,12 +265,20 @@ def make_model(
         _map(project, used, refines_cameras)
     poses = [(image.name, str(image.camera), image.cam_from_world.text()) for image in posed.images] if posed else []
     key = fingerprint(poses, posed.origin if posed else ["mapper", known, _missing_for_gps()])
-    if not project.steps.begin("model", key):
+    if project.steps.is_done("model", key):
         return
-    if posed is not None:
-        write_posed_images(project.folder.model, posed)
-    else:
-        _write_mapped(project, used, known)
+    folder, staged = project.folder, project.folder.staged
+    remove(staged.path)
+    try:
+        if posed is not None:
+            write_posed_images(staged.model, posed)
+        else:
+            _write_mapped(project, used, known, staged)
+        # The model of an earlier run stays until there is another one, because positions may not fit.
+        project.steps.begin("model", key)
+        staged.model.replace(folder.model)
+    finally:
+        remove(staged.path)
     project.steps.finish("model", key)
 
 
@@ -293,10 +301,9 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
     project.steps.finish("sparse", key)
 
 
-def _write_mapped(project: Project, used: Sequence[str], known: Known | None) -> None:
-    """Writes the largest model of the mapper, in metres if a distance or positions give them."""
-    folder = project.folder
-    models = {path: len(read_model(path).images) for path in folder.sparse.iterdir() if path.is_dir()}
+def _write_mapped(project: Project, used: Sequence[str], known: Known | None, folder: Folder) -> None:
+    """Writes the largest model of the mapper to `folder`, in metres if a distance or positions give them."""
+    models = {path: len(read_model(path).images) for path in project.folder.sparse.iterdir() if path.is_dir()}
     largest = max(sorted(models), key=lambda path: models[path])
     is_level = not isinstance(known, Distance)
     try:
@@ -305,7 +312,7 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None) ->
         elif isinstance(known, ControlPoints):
             text = align_to_points(folder, project.runner, project.colmap, largest, known)
         else:
-            positions = known or _gps_of_photos(folder, used)
+            positions = known or _gps_of_photos(project.folder, used)
             text = align_to_positions(folder, project.runner, project.colmap, largest, positions)
     except NotAlignedError as error:
         if known is not None:
