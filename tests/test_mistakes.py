@@ -103,7 +103,7 @@ def test_mistakes_of_run(typed, changed, message):
         ("--control_points nowhere.txt", "nowhere.txt: does not exist"),
         (
             "--control_points points.csv marks.csv",
-            "2 points have marks in two or more photos of photos, and 3 are needed; marked photos: a.png, b.png, z.png",
+            "without --poses, at least 3 points that are not on one line are needed; marked photos: a.png, b.png, ",
         ),
         ("--control_points notes.txt", "notes.txt: has no row with the names of its columns"),
         (

@@ -401,7 +401,9 @@ def test_run_by_control_points(courtyard, photos, tmp_path, capsys):
         assert np.linalg.norm(pose.cam_in_world - photos.poses[name].cam_in_world) < 0.1
     files = write_control_points(tmp_path, photos, {"P0": (-2, 3, 0), "P1": (2, 3, 0)})
     courtyard("--control_points", *files, exit_code=1)
-    assert "--control_points: 2 points have marks in two or more photos of " in capsys.readouterr().err
+    named = capsys.readouterr().err
+    assert "--control_points: 2 points have marks in two or more photos of " in named
+    assert "without --poses, at least 3 points that are not on one line are needed" in named
     before = files_of(output)
     for height in (0.03, 0):
         places = {f"P{i}": (x, 3, height * i * i) for i, x in enumerate((-2, 0, 2))}

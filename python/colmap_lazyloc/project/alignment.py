@@ -113,8 +113,8 @@ def check_marks(control: ControlPoints, photos: Iterable[str], source: pathlib.P
     if count < MIN_NUM_POINTS:
         names = sorted([*marked.images, *marked.missing])
         raise InputError(
-            f"--control_points: {count} points have marks in two or more photos of {source}, and {MIN_NUM_POINTS} are "
-            f"needed; marked photos: {first_names(names, 3)}"
+            f"--control_points: {count} points have marks in two or more photos of {source}; without --poses, at least "
+            f"{MIN_NUM_POINTS} points that are not on one line are needed; marked photos: {first_names(names, 3)}"
         )
 
 
@@ -134,7 +134,8 @@ def align_to_points(
     places = {point: place for (point, _), seen in views.items() if (place := intersect(seen)) is not None}
     if len(places) < MIN_NUM_POINTS:
         raise NotAlignedError(
-            f"only {len(places)} points have marks in two or more of its photos, and three are needed"
+            f"only {len(places)} points have marks in two or more of its photos, and {MIN_NUM_POINTS} that are not on "
+            "one line are needed"
         )
     found, targets = np.array([*places.values()]), np.array([surveyed[point] for point in places])
 

@@ -95,7 +95,8 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         type=pathlib.Path,
         metavar="FILE",
         help="surveyed points and their marks in photos: the files for `lazyloc control_points`. Without --poses, "
-        "the marks in database images place the model in the coordinates of the points",
+        "the marks in database images place the model in the coordinates of the points. This needs at least three "
+        "points that are not on one line, each marked in two or more database images",
     )
     of_poses(
         "--use_control_points",
@@ -104,7 +105,8 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         const=POINT_STDDEV_M,
         metavar="STDDEV",
         help="with --epoch: place the new photos in the coordinates of --control_points. STDDEV is the standard "
-        f"deviation of the points' coordinates, in the unit of the model (default: {POINT_STDDEV_M:g})",
+        f"deviation of the points' coordinates, in the unit of the model (default: {POINT_STDDEV_M:g}). Without "
+        "--poses, --control_points must first place the model",
     )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
