@@ -56,7 +56,7 @@ def table(cells: dict, methods: list[str], is_star: bool) -> str:
     """Returns the figures of all scenes together. Ratios are over the poses that both localized."""
     lines = [
         "| K | method | queries | localized | median error | within 5 cm, 1° "
-        "| normalized squared error, median | error / motion averaging [95 %] |",
+        "| normalized squared error, median | error divided by error of motion averaging [95 %] |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for num_images in NUM_IMAGES:
@@ -135,7 +135,11 @@ def main(arguments=None):
     )
     parser.add_argument("--max_num_queries", type=int, help="of a scene, evenly spread; default: all")
     parser.add_argument(
-        "--truth_stddev", nargs="+", default=[], metavar="SCENE=LENGTH", help="of the true positions; default: 0"
+        "--truth_stddev",
+        nargs="+",
+        default=[],
+        metavar="SCENE=LENGTH",
+        help="standard deviation of the errors of a scene's true positions along each axis; default: 0",
     )
     parser.add_argument("options", nargs="*", help="further options of lazy_localizer")
     arguments = parser.parse_args(arguments)

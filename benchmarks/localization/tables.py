@@ -12,7 +12,7 @@ BASELINE = "structure_based"
 MISSING = "–"
 HEADER = (
     "| method | queries | median cm / ° | mean cm | lost | "
-    "position error / error with the map [95 %] | "
+    "position error divided by error with the map [95 %] | "
     + " | ".join(f"{metres:g} m, {degrees:g}°" for metres, degrees in DEFAULT_THRESHOLDS)
     + " | median s |\n"
     + "|---" * (7 + len(DEFAULT_THRESHOLDS))
@@ -24,9 +24,9 @@ LEGEND = f"""**Columns of the tables**
   infinite error.
 - *mean cm*: mean position error of the localized queries, in cm.
 - *lost*: number of queries without a pose.
-- *position error / error with the map [95 %]*: position error of the method divided by the position error of
-  `{BASELINE}`, as the geometric mean over the queries that both methods localize. The brackets contain the 95 %
-  bootstrap interval of this mean.
+- *position error divided by error with the map [95 %]*: position error of the method divided by the position error of
+  `{BASELINE}`, which is localization in a 3D map. The value is the geometric mean over the queries that both methods
+  localize. The brackets contain the 95 % bootstrap interval of this mean.
 - *0.25 m, 2°* and similar columns: percentage of all queries whose position error and rotation error are both
   below the two values in the column's header.
 - *median s*: median time per query, in seconds.

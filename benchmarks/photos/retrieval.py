@@ -50,7 +50,7 @@ def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
     lines = [
         f"{fold.scene.name}, {len(fold.query_names)} queries, {len(fold.database_names)} database images\n",
         "| K | K best images found | 5 best images found | best image found "
-        "| matches with the K returned images / matches with the K best images |",
+        "| matches with the K returned images divided by matches with the K best images |",
         "|---|---|---|---|---|",
     ]
     for count in counts:

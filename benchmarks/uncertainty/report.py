@@ -271,7 +271,8 @@ def main(arguments=None):
         metavar="SCENE=LENGTH",
         action="append",
         default=[],
-        help="standard deviation of a real scene's true positions along each axis; default: 0; may be repeated",
+        help="standard deviation of the errors of a real scene's true positions along each axis; default: 0; may be "
+        "repeated",
     )
     parser.add_argument("--num_scenes", type=int, default=12, help="synthetic scenes of each kind, for stress and fit")
     parser.add_argument("--seed", type=int, default=0, help="of the synthetic scenes of `stress`; fit uses others")

@@ -169,8 +169,8 @@ def _contradicting_images(run: Run) -> tuple[str, str, list[Item]]:
             text = f"by {median:.0f}° of direction (median)" if median < UNUSED_DEG else "left out by most queries"
             items.append(_item(run.database_images[i].name, -1, f"{text}; {len(uses[i])} queries judge it"))
     explanation = (
-        "What the queries measure against these images does not fit the poses that all their images together give. "
-        "Their poses or intrinsics in the input model may be wrong. Leave-one-out localization shows which."
+        "The matches of these database images with queries do not fit the localized poses of the queries. The poses or "
+        "intrinsics of these images in the input model may be wrong. Leave-one-out localization shows which are wrong."
     )
     return "Database images that contradict the others", explanation, items
 

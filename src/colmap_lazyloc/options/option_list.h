@@ -123,7 +123,7 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "the image files. It stores the extracted features beside the visual index");
   add("LazyLocalizer.Advanced.photo_position_path", &o.photos.position_path,
       "Rough positions of photos, in the format of --query_position_path. These positions only decide with which "
-      "database images a photo is compared first; they do not affect its pose",
+      "database images a photo is compared first; these positions do not affect the photo's pose",
       OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
@@ -166,7 +166,7 @@ void ForEachFeatureOption(Options& o, const Add& add) {
       "Estimate elliptical instead of circular feature shapes");
   add("SiftExtraction.domain_size_pooling", &extraction.domain_size_pooling, "Pool descriptors over several scales");
   add("SiftExtraction.upright", &extraction.upright,
-      "Assume that photos are upright, and fix the orientation of features");
+      "Assume that photos are upright: all features get the same orientation");
   add("AlikedExtraction.max_num_features", &o.features.aliked.max_num_features,
       "Maximum number of ALIKED features per photo; the features with the highest scores are kept");
   add("FeatureMatching.type", &o.features.matcher,
