@@ -166,10 +166,12 @@ def _contradicting_images(run: Run) -> tuple[str, str, list[Item]]:
     items = []
     for i, median in medians.items():
         if median > limit:
-            text = f"by {median:.0f}° of direction (median)" if median < UNUSED_DEG else "left out by most queries"
-            items.append(_item(run.database_images[i].name, -1, f"{text}; {len(uses[i])} queries judge it"))
+            count = f"{len(uses[i])} queries"
+            text = f"median angle {median:.0f}° ({count})" if median < UNUSED_DEG else f"not used by most of {count}"
+            items.append(_item(run.database_images[i].name, -1, text))
     explanation = (
-        "The matches of these database images with queries do not fit the localized poses of the queries. The poses or "
+        "The matches of these database images with queries do not fit the localized positions of the queries. The "
+        "angle is between two directions to a query: from the matches, and to the localized position. The poses or "
         "intrinsics of these images in the input model may be wrong. Leave-one-out localization shows which are wrong."
     )
     return "Database images that contradict the others", explanation, items
