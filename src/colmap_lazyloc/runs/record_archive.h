@@ -45,7 +45,7 @@ LAZYLOC_ARCHIVE(Bearing, database_name, dir_database_to_query_in_world, stddev_r
 LAZYLOC_ARCHIVE(PartialPose, cam_from_world_rotation, rotation_stddev_rad, bearing)
 LAZYLOC_ARCHIVE(PriorResult, verdict, fixes, deviation, deviation_sigma)
 LAZYLOC_ARCHIVE(QueryPriorResult, position, gravity)
-LAZYLOC_ARCHIVE(IntrinsicsResult, origin, verdict, focal_factor, focal_factor_stddev, covariance, contradiction)
+LAZYLOC_ARCHIVE(IntrinsicsResult, origin, verdict, focal_factor, focal_factor_stddev, contradiction, covariance)
 
 template <typename Archive>
 void serialize(Archive& archive, PoseEvidence& evidence) {

@@ -76,8 +76,8 @@ struct IntrinsicsResult {
   // deviation.
   double focal_factor = 1;
   double focal_factor_stddev = 0;
+  std::string contradiction;  // one sentence; empty unless something is contradicted
   IntrinsicsCovariance covariance = IntrinsicsCovariance::Zero();  // JOINT only
-  std::string contradiction;                                       // one sentence; empty unless something is contradicted
 };
 
 // The most probable other explanation of the images with a pose.
