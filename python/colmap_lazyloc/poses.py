@@ -46,7 +46,7 @@ class Pose:
     """
 
     qvec: Floats  # quaternion w, x, y, z
-    tvec: Floats  # in the unit of the world
+    tvec: Floats  # in the world's unit of length
 
     @staticmethod
     def of(value: "PoseLike") -> "Pose":

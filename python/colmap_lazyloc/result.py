@@ -48,7 +48,7 @@ class Result:
     keypoints: NDArray[np.float64]  # keypoints of the query, n x 2, x and y in pixels
     points: NDArray[np.float64]  # 3D points that the query observes, m x 3, in world coordinates
     point_keypoints: NDArray[np.int32]  # for each point, the index of the query keypoint that observes it
-    observations: NDArray[np.int32]  # k rows of indices: point, image in as_dict()["pairs"], keypoint of this image
+    observations: NDArray[np.int32]  # k x 3 indices: of a point, an image in as_dict()["pairs"], its keypoint
 
     def __init__(
         self,
@@ -124,54 +124,54 @@ class Result:
 
     @property
     def world_from_cam(self) -> NDArray[np.float64] | None:
-        """Returns the camera's pose in the map as a 3x4 matrix [R | C]: the columns of R are the camera's axes, and C
+        """Returns the camera's pose in the world as a 3x4 matrix [R | C]: the columns of R are the camera's axes, and C
         is the camera's centre; None unless LOCALIZED."""
         return _to_matrix(to_pose(self._fields["world_from_cam"]))
 
     @property
     def position_covariance(self) -> NDArray[np.float64] | None:
-        """Returns the 3x3 covariance of `position` along the axes of the map, in the square of the model's unit; None
-        if unknown."""
+        """Returns the 3x3 covariance of `position` in world coordinates, in the square of the model's unit; None if
+        unknown."""
         return _to_array(self._fields["position_covariance"])
 
     @property
     def pose_covariance_in_map(self) -> NDArray[np.float64] | None:
         """Returns the 6x6 covariance of world_from_cam, in the order of PoseWithCovariance in ROS. The first three rows
-        and columns belong to the position, the last three to the rotation w in rad about the fixed axes of the map
+        and columns belong to the position, the last three to the rotation w in rad about the fixed axes of the world
         (R <- exp(w) R for the rotation R of world_from_cam). None if unknown."""
         return _to_array(self._fields["pose_covariance_in_map"])
 
     @property
     def heading_deg(self) -> float | None:
         """Returns the compass direction of the optical axis, from 0 to 360: 0 is north, 90 is east. North is true north
-        if the model has geographic coordinates; in any other model, north is +y, and up is +z. None unless LOCALIZED,
-        or if no axis of the model is known to point up. For a camera that looks straight up or down, use
+        if the model has geographic coordinates; in any other model, north is +y, and up is +z. None if the query is not
+        localized, or if no axis of the model is known to point up. For a camera that looks straight up or down, use
         top_heading_deg."""
         return self._fields["heading_deg"]
 
     @property
     def pitch_deg(self) -> float | None:
-        """Returns the angle of the optical axis above the horizon, from -90 to 90; None unless LOCALIZED, or
-        if no axis of the model is known to point up."""
+        """Returns the angle of the optical axis above the horizon, from -90 to 90; None if the query is not localized,
+        or if no axis of the model is known to point up."""
         return self._fields["pitch_deg"]
 
     @property
     def roll_deg(self) -> float | None:
         """Returns the rotation about the optical axis, from -180 to 180, positive if the photo's right side is lower;
-        None unless LOCALIZED, or if no axis of the model is known to point up."""
+        None if the query is not localized, or if no axis of the model is known to point up."""
         return self._fields["roll_deg"]
 
     @property
     def top_heading_deg(self) -> float | None:
-        """Returns the compass direction in which the upper edge of the photo points, seen from above: 0 is north, 90 is
-        east; None unless LOCALIZED, or if no axis of the model is known to point up. If a drone's camera looks down,
-        top_heading_deg is usually the heading of the drone."""
+        """Returns the compass direction from the centre of the photo to its top edge, seen from above: 0 is north, 90
+        is east; None if the query is not localized, or if no axis of the model is known to point up. If a drone's
+        camera looks down, top_heading_deg is usually the heading of the drone."""
         return self._fields["top_heading_deg"]
 
     @property
     def heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of heading_deg; None if unknown. The maximum is 104, which means that every
-        direction is possible."""
+        """Returns the standard deviation of heading_deg; None if unknown. The maximum is 104 degrees, which means that
+        every direction is possible."""
         return self._fields["heading_stddev_deg"]
 
     @property
@@ -181,14 +181,14 @@ class Result:
 
     @property
     def roll_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of roll_deg; None if unknown. The maximum is 104, which means that every
-        angle is possible."""
+        """Returns the standard deviation of roll_deg; None if unknown. The maximum is 104 degrees, which means that
+        every angle is possible."""
         return self._fields["roll_stddev_deg"]
 
     @property
     def top_heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of top_heading_deg; None if unknown. The maximum is 104, which means that
-        every direction is possible."""
+        """Returns the standard deviation of top_heading_deg; None if unknown. The maximum is 104 degrees, which means
+        that every direction is possible."""
         return self._fields["top_heading_stddev_deg"]
 
     @property
