@@ -230,12 +230,14 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--thresholds",
         nargs="+",
         metavar="POSITION,DEG",
-        help="position and rotation thresholds of the recall; default: 0.25,2 0.5,5 5,10",
+        help="maximum errors for the recall: position in the unit of the poses, rotation in degrees; "
+        "default: 0.25,2 0.5,5 5,10",
     )
     parser.add_argument(
         "--unit",
         choices=("database", METRE),
-        help="unit of lengths: m (metres) or the unit of the database; default: m if the ground truth has geo.json",
+        help="unit of the printed lengths: m (metres), or database (the unknown unit of the poses); "
+        "default: m if the ground truth has geo.json",
     )
     parser.add_argument("--per_query", action="store_true", help="also print the errors of each query")
     parser.add_argument("--json", type=pathlib.Path, help="also write the results to this file")

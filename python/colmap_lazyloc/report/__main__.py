@@ -73,8 +73,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--unit",
         choices=(METRE, MODEL_UNITS),
-        help="unit of lengths: m (metres) or the unknown unit of the database; default: the unit of `lazyloc run`, "
-        "else m if the run has geographic coordinates",
+        help="unit of lengths: m (metres), or units (the unknown unit of the model); "
+        "default: the unit of `lazyloc run`, else m if the run has geographic coordinates",
     )
     parser.add_argument(
         "--crs",
@@ -92,8 +92,8 @@ def _add_bounds(parser: argparse.ArgumentParser) -> None:
         type=_count,
         default=80,
         help="maximum number of queries that are shown with their photo and matches, each with up to three database "
-        "images. Three quarters of these queries have the lowest confidence, and one quarter are random queries; "
-        "default: %(default)s",
+        "images. Three quarters of these queries are the queries with the lowest confidence, and one quarter are "
+        "random queries; default: %(default)s",
     )
     parser.add_argument(
         "--max_num_points",

@@ -32,7 +32,7 @@ void ForEachFileOption(Options& o, const Add& add) {
       OptionRole::INPUT);
   add("onnx_path", &o.source.photos.features.aliked.onnx_path,
       "Folder of COLMAP 4's ONNX models. Photos are matched by ALIKED features if the database contains ALIKED "
-      "features, or if SIFT features do not localize a photo (for example at night)",
+      "features, or if a photo gets no pose with SIFT features (for example at night)",
       OptionRole::INPUT);
   add("rig_config_path", &o.source.selection.groups.rig_config_path,
       "Camera rigs in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or model",
