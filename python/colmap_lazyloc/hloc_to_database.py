@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--pairs_path", type=pathlib.Path, required=True, help="file with the image pairs, two names per line"
     )
     parser.add_argument(
-        "--model_path", type=pathlib.Path, required=True, help="folder of a COLMAP model of the posed images"
+        "--model_path", type=pathlib.Path, required=True, help="COLMAP model with the poses of the database images"
     )
     parser.add_argument(
         "--query_list_path",

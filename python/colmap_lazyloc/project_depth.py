@@ -122,7 +122,9 @@ def write_depth_maps(model: Model, points: Array, output_path: pathlib.Path, max
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("model_path", type=pathlib.Path, help="folder with a COLMAP model: the images and their poses")
-    parser.add_argument("--points", type=pathlib.Path, required=True, help="PLY file, or folder with points3D.bin")
+    parser.add_argument(
+        "--points", type=pathlib.Path, required=True, help="3D points: PLY file, or folder with points3D.bin"
+    )
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="folder for the depth maps")
     parser.add_argument(
         "--max_size", type=int, default=640, help="maximum width and height of a depth map in pixels; default: 640"

@@ -43,8 +43,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--output",
         type=pathlib.Path,
-        help="page to write; with --split, folder to write; default for `lazyloc run`: report.html, or the "
-        "folder report, in RUN",
+        help="page to write; with --split, folder to write; default if RUN is the output folder of `lazyloc run`: "
+        "report.html in RUN, or with --split the folder report in RUN",
     )
     parser.add_argument(
         "--image_path",
