@@ -6,6 +6,7 @@ import re
 import numpy as np
 import PIL.Image
 import PIL.ImageOps
+import pycolmap
 import pytest
 
 import photo_scene
@@ -22,9 +23,11 @@ from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import ORIENTATION, photo_size
 from colmap_lazyloc.poses import Pose, look_at, read_poses
 from colmap_lazyloc.project.alignment import NotAlignedError, align_to_positions
+from colmap_lazyloc.project.alignment_errors import estimate_errors
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.distance import MARK_STDDEV_PX, End, locate
 from colmap_lazyloc.project.folder import Folder
+from colmap_lazyloc.project.level import find_level
 from colmap_lazyloc.project.photos import stored_pixel
 from colmap_lazyloc.pycolmap_types import image_from_cam
 from colmap_lazyloc.results import read_geodetic, read_results
@@ -42,14 +45,15 @@ XMP = (
 class Survey:
     """A model in units of its own, of cameras in a plane, and where these were."""
 
-    def __init__(self, folder, colmap, centres):
+    def __init__(self, folder, colmap, centres, rotations=None):
         self.folder, self.colmap, self.centres = Folder(folder / "out"), colmap, np.array(centres, float)
         self.folder.path.mkdir()
         self.source = folder / "sparse"
         rotation = look_at(np.zeros(3), np.array([0.3, 0.4, 1.0]), (0, -1, 0), roll_deg=30)
+        self.rotations = [rotation] * len(self.centres) if rotations is None else rotations
         images = [
-            Image(f"database/{i:02}.jpg", 1, Pose.from_centre(np.eye(3), rotation @ centre * 0.1 + 7), i + 1)
-            for i, centre in enumerate(self.centres)
+            Image(f"database/{i:02}.jpg", 1, Pose.from_centre(turn @ rotation.T, rotation @ centre * 0.1 + 7), i + 1)
+            for i, (centre, turn) in enumerate(zip(self.centres, self.rotations))
         ]
         write_model(self.source, {1: Camera("PINHOLE", 640, 480, (500.0, 500.0, 320.0, 240.0))}, images)
 
@@ -59,6 +63,18 @@ class Survey:
         return align_to_positions(
             self.folder, ColmapRunner(self.folder.log), self.colmap, self.source, in_local_frame(gps)
         )
+
+    def similarity(self):
+        """Returns the angle in degrees by which the model is turned, that by which it is tilted, and the ratio of its
+        lengths to true ones."""
+        poses = [image.cam_from_world for _, image in sorted(read_model(self.folder.model).images.items())]
+        turn = poses[0].rotation.T @ self.rotations[0]
+        sizes = (np.linalg.norm(places - places.mean(axis=0)) for places in (self.found(poses), self.centres))
+        return *np.degrees(np.arccos([(np.trace(turn) - 1) / 2, turn[2, 2]])), np.divide(*sizes)
+
+    @staticmethod
+    def found(poses):
+        return np.array([pose.cam_in_world for pose in poses])
 
     def errors(self):
         """Returns the distances of the aligned cameras to where they were."""
@@ -81,10 +97,12 @@ def test_wrong_gps_of_some_photos_is_left_out_and_counted(grid):
     positions[3] += [OUTLIER_M, 0, 0]
     positions[9] += [0, 12, 5]
     text = grid.align(positions)
-    median, beyond, tolerance, degrees = re.search(
-        r"of 20 photos: median error (\S+) m, (\d+) beyond (\S+) m, orientation to (\S+) degrees$", text
+    median, beyond, tolerance, degrees, percent = re.search(
+        r"of 20 photos: median error (\S+) m, (\d+) beyond (\S+) m, orientation to (\S+) degrees, lengths to (\S+) %$",
+        text,
     ).groups()
     assert 0.4 < float(median) < 1.2 and beyond == "2" and float(tolerance) < 5 and float(degrees) < 1
+    assert float(percent) < 1
     assert grid.errors().max() < 0.8
 
 
@@ -107,7 +125,7 @@ def test_accuracies_that_are_too_good_do_not_refuse_the_alignment(grid):
     [
         ([(0, 0, 0), (10, 0, 0)], 0.1, "only 2 of its photos have GPS"),
         ([(10 * i, 5 * i, 0.001 * i) for i in range(12)], 0.5, "almost on a line"),
-        ([(0.3 * (i % 4), 0.3 * (i // 4), 0) for i in range(12)], 1.0, r"errors of 1 m \(assumed\) leave"),
+        ([(0.1 * (i % 4), 0.1 * (i // 4), 0) for i in range(12)], 0.2, r"errors of 1 m \(assumed\) leave"),
         ([(40 * (i % 4), 40 * (i // 4), 0) for i in range(12)], 2000.0, "differ by more than"),
     ],
 )
@@ -117,6 +135,107 @@ def test_gps_that_does_not_fix_the_model(tmp_path, colmap, centres, noise_m, rea
     with pytest.raises(NotAlignedError, match=reason):
         place.align(positions)
     assert GeoOrigin.read(place.folder.model) is None
+
+
+def wander(rng, count, stddev_m, length):
+    """Makes errors of GPS in a series of photos, whose correlation falls to 1/e over `length` photos."""
+    numbers = np.arange(count)
+    correlation = np.exp(-np.abs(numbers[:, None] - numbers) / length)
+    return stddev_m * np.linalg.cholesky(correlation) @ rng.standard_normal((count, 3))
+
+
+def stated(text):
+    """Returns the deviations of the orientation in degrees and of the scale that are stated."""
+    degrees, percent = re.search(r"orientation to (\S+) degrees, lengths to (\S+) %", text).groups()
+    return float(degrees), float(percent) / 100
+
+
+def bent_walk(count):
+    along = np.linspace(0, 80, count)
+    return np.stack([along, 8 * np.sin(along / 10), 1.5 + 0.2 * np.cos(along)], axis=1)
+
+
+def test_errors_of_gps_that_wander_are_stated(tmp_path, colmap):
+    """One photo a second, and errors that change within a minute. One of ten walks may be beyond three deviations,
+    because the alignment absorbs much of such errors."""
+    num_within = 0
+    for seed in range(10):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        walk = Survey(folder, colmap, bent_walk(40))
+        text = walk.align(walk.centres + wander(np.random.default_rng(seed), 40, stddev_m=4, length=60))
+        degrees, ratio = stated(text)
+        turn_deg, _, scale = walk.similarity()
+        num_within += turn_deg < 3 * degrees and abs(scale - 1) < 3 * ratio
+        assert degrees < 10 and ratio < 0.1
+    assert num_within >= 9
+
+
+@pytest.mark.parametrize("length", [None, 10, 60, 200])
+def test_stated_deviations_of_an_alignment_are_its_errors(length):
+    """The median of a squared normal error is 0.455 variances."""
+    rng, normalized = np.random.default_rng(7), []
+    for _ in range(60):
+        centres = bent_walk(40)
+        errors = wander(rng, 40, 3, length) if length else rng.standard_normal((40, 3))
+        similarity = pycolmap.estimate_sim3d(centres, centres + errors)
+        errors = estimate_errors(similarity * centres, centres + errors, 0.1, is_series=True)
+        heading = np.degrees(np.arctan2(*(similarity.rotation.matrix()[1::-1, 0])))
+        normalized.append([heading / errors.heading_deg, 100 * np.log(similarity.scale) / errors.scale_percent])
+    medians = np.median(np.square(normalized), axis=0) / 0.455
+    assert np.all((medians > 0.3) & (medians < 2)), medians
+
+
+def inward(count, radius):
+    """Returns centres on a circle, and rotations of cameras that look inward and are level, but for 2 degrees."""
+    angles, rng = np.linspace(0, 2 * np.pi, count, endpoint=False), np.random.default_rng(8)
+    centres = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(count, 1.6)], axis=1)
+    rolls = 2 * rng.standard_normal(count)
+    return centres, [
+        look_at(centre, np.array([0, 0, 1.0]), (0, 0, -1), roll_deg=r) for centre, r in zip(centres, rolls)
+    ]
+
+
+def test_cameras_say_where_up_is_if_gps_does_not(tmp_path, colmap, caplog):
+    place = Survey(tmp_path, colmap, *inward(24, radius=3))
+    text = place.align(place.centres + wander(np.random.default_rng(9), 24, stddev_m=2, length=8), accuracy_m=5)
+    degrees, ratio = stated(text)
+    turn_deg, tilt_deg, scale = place.similarity()
+    assert "and to the vertical of the cameras: " in text and tilt_deg < 3
+    assert turn_deg < 3 * degrees and abs(scale - 1) < 3 * ratio
+    (line,) = caplog.messages
+    assert re.search(r"known to \d+ degrees, and lengths to \d+ %, because the photos with GPS are within \d", line)
+    assert "--control_points" in line and "--scale" in line
+
+
+def test_good_gps_says_where_up_is(tmp_path, colmap, caplog):
+    place = Survey(tmp_path, colmap, *inward(24, radius=30))
+    text = place.align(place.centres + 0.02 * np.random.default_rng(9).standard_normal((24, 3)), accuracy_m=0.03)
+    assert "vertical" not in text and place.similarity()[0] < 0.1 and not caplog.messages
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6, 8])
+def test_up_is_that_of_photos_as_they_are_shown(orientation):
+    _, rotations = inward(12, radius=3)
+    # Pixels of a photo that is shown turned by 180, 90, -90 degrees are stored with axes that are turned back.
+    turns = {1: (1, 0), 3: (-1, 0), 6: (0, 1), 8: (0, -1)}
+    cosine, sine = turns[orientation]
+    stored_from_shown = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+    level = find_level(np.array([stored_from_shown @ rotation for rotation in rotations]), [orientation] * 12)
+    assert np.degrees(np.arccos(level.up[2])) < level.stddev_deg < 6
+
+
+def test_up_is_unknown_if_all_cameras_look_in_one_direction():
+    _, rotations = inward(12, radius=3)
+    assert find_level(np.array([rotations[0]] * 12), [1] * 12).stddev_deg > 90
+
+
+def test_photos_are_in_the_order_in_which_they_were_taken():
+    gps = [
+        GpsPosition(name, 47, 8, 400, 5.0, time=time)
+        for name, time in (("a", "2026:05:01 12:00:01.9"), ("b", "2026:05:01 12:00:01.1"), ("c", "."))
+    ]
+    assert [photo.name for photo in in_local_frame(gps).photos] == ["c", "b", "a"]
 
 
 # Photos
@@ -431,10 +550,12 @@ def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys)
     assert "mapping" not in printed.err and "x (m)" in printed.out and "latitude" not in printed.out
     for name, pose in read_poses(output / "localized" / "poses.txt").items():
         assert np.linalg.norm(pose.cam_in_world - photos.poses[name].cam_in_world) < 0.05
-    for count, message in ((6, r"errors of 1 m \(assumed\) leave"), (2, "only 2 of its photos have positions")):
-        table.write_text("\n".join(rows[:count]))  # as COLMAP's model_aligner takes them
-        courtyard("--poses", table, exit_code=1)
-        assert re.search(f"--poses: .*{message}", capsys.readouterr().err)
+    table.write_text("\n".join(rows))  # as COLMAP's model_aligner takes them
+    courtyard("--poses", table)
+    assert re.search(r"only known to \d+ degrees, .*errors of 1 m \(assumed\) are too large", capsys.readouterr().err)
+    table.write_text("\n".join(rows[:2]))
+    courtyard("--poses", table, exit_code=1)
+    assert "--poses: only 2 of its photos have positions" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,7 @@ class GpsPosition:
     altitude_m: float | None
     stddev_m: float
     accuracy_m: float | None = None  # standard deviation in space, if the photo states one
+    time: str = ""  # when it was taken; such texts have the order of the times
 
 
 def read_positions(folder: pathlib.Path) -> list[GpsPosition]:
@@ -51,8 +52,9 @@ def read_photos(paths: Mapping[str, pathlib.Path]) -> list[GpsPosition]:
 
 
 def in_local_frame(positions: Sequence[GpsPosition], origin: GeoOrigin | None = None) -> Positions:
-    """Returns the positions that have an altitude, in the local frame at an origin, by default in their middle."""
-    used = [photo for photo in positions if photo.altitude_m is not None]
+    """Returns the positions that have an altitude, in the order in which they were taken, in the local frame at an
+    origin, by default in their middle."""
+    used = [photo for photo in sorted(positions, key=lambda photo: photo.time) if photo.altitude_m is not None]
     if not used:
         return Positions((), origin, TITLE)
     geodetic = np.array([[photo.latitude_deg, photo.longitude_deg, photo.altitude_m] for photo in used], float)
@@ -86,11 +88,14 @@ def _middle(positions: Sequence[GpsPosition]) -> GeoOrigin:
 
 def _read_photo(name: str, path: pathlib.Path) -> GpsPosition | None:
     """Returns the position of a photo; None if it has none that makes sense."""
-    from PIL.ExifTags import GPS, IFD
+    from PIL.ExifTags import GPS, IFD, Base
 
     try:
         with open_photo(path) as photo:
-            gps: dict[int, Any] = dict(photo.getexif().get_ifd(IFD.GPSInfo))
+            exif = photo.getexif()
+            gps: dict[int, Any] = dict(exif.get_ifd(IFD.GPSInfo))
+            taken = exif.get_ifd(IFD.Exif)
+            time = f"{taken.get(Base.DateTimeOriginal, '')}.{taken.get(Base.SubsecTimeOriginal, '')}"
             rtk = _rtk_stddev(photo)
         latitude = _degrees(gps[GPS.GPSLatitude]) * (-1 if _text(gps[GPS.GPSLatitudeRef]) == "S" else 1)
         longitude = _degrees(gps[GPS.GPSLongitude]) * (-1 if _text(gps[GPS.GPSLongitudeRef]) == "W" else 1)
@@ -106,8 +111,9 @@ def _read_photo(name: str, path: pathlib.Path) -> GpsPosition | None:
         altitude = None
     stddev = _number(gps.get(GPS.GPSHPositioningError))
     if stddev is None or not 0 < stddev < MAX_STDDEV_M:
-        return GpsPosition(name, latitude, longitude, altitude, DEFAULT_STDDEV_M, rtk)
-    return GpsPosition(name, latitude, longitude, altitude, stddev, rtk or stddev * math.hypot(1, HEIGHT_RATIO))
+        return GpsPosition(name, latitude, longitude, altitude, DEFAULT_STDDEV_M, rtk, time)
+    accuracy = rtk or stddev * math.hypot(1, HEIGHT_RATIO)
+    return GpsPosition(name, latitude, longitude, altitude, stddev, accuracy, time)
 
 
 def _rtk_stddev(photo: Any) -> float | None:

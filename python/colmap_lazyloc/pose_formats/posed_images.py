@@ -82,7 +82,8 @@ class Position:
 
 @dataclasses.dataclass(frozen=True)
 class Positions:
-    """Where photos were taken: in the local frame at an origin, or, without one, in the coordinates of a file.
+    """Where photos were taken: in the local frame at an origin, or, without one, in the coordinates of a file. Photos
+    that were taken one after the other are neighbours, if that is known.
 
     `title`: what the positions are, in messages.
     """

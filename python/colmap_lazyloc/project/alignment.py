@@ -1,6 +1,7 @@
 """Gives a model of COLMAP's mapper metres by positions of its photos, such as GPS, or by control points."""
 
 import dataclasses
+import functools
 import pathlib
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -14,18 +15,22 @@ from colmap_lazyloc.model import poses_of, read_model
 from colmap_lazyloc.pose_formats.control_points import POINT_STDDEV_M, ControlPoints, MarkedPhotos
 from colmap_lazyloc.pose_formats.posed_images import Positions
 from colmap_lazyloc.progress import ProgressBar
+from colmap_lazyloc.project.alignment_errors import AlignmentErrors, estimate_errors
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
+from colmap_lazyloc.project.level import find_level
+from colmap_lazyloc.project.photos import read_orientation
 
 MIN_NUM_PHOTOS = 3
 MIN_NUM_POINTS = 3
-NUM_PARAMETERS = 7  # of a similarity
 TOLERANCE = 3.0  # of the alignment, in deviations or in median errors
 FIRST_TOLERANCE_M, MIN_TOLERANCE_M = 0.5, 0.01
 MIN_STDDEV_M = 1.0  # of GPS without a stated accuracy
 SIMILAR = 0.8  # ratio of tolerances between which there is no need to align again
 MAX_NUM_PASSES = 9  # up to 128 m, or 5 m for RTK
-MAX_ROTATION_STDDEV_DEG = 10.0
+GOOD_ROTATION_STDDEV_DEG, GOOD_SCALE_STDDEV_PERCENT = 5.0, 10.0  # beyond, there is a warning
+MAX_ROTATION_STDDEV_DEG = 60.0  # by positions: about a radian, beyond which a deviation has no meaning
+MAX_POINTS_ROTATION_STDDEV_DEG = 10.0  # by control points, of which more can be measured
 
 
 class NotAlignedError(Exception):
@@ -36,31 +41,49 @@ class NotAlignedError(Exception):
 class Fit:
     """How well the photos of an aligned model fit their positions."""
 
-    errors: Array  # distances in metres
+    centres: Array  # aligned, n x 3
+    targets: Array
     tolerance: float  # metres
-    rotation_stddev_deg: float
+
+    @staticmethod
+    def of(centres: Array, targets: Array) -> "Fit":
+        """Returns the fit with the tolerance that the distances give."""
+        median = float(np.median(np.linalg.norm(centres - targets, axis=1)))
+        return Fit(centres, targets, max(TOLERANCE * median, MIN_TOLERANCE_M))
+
+    @functools.cached_property
+    def distances(self) -> Array:
+        """The errors in metres."""
+        return np.linalg.norm(self.centres - self.targets, axis=1)
 
     @property
     def is_within(self) -> Array:
         """Returns which photos agree with their positions."""
-        return self.errors <= self.tolerance
+        return self.distances <= self.tolerance
 
-    def require_orientation(self, what: str, assumed: str = "") -> None:
-        """Raises NotAlignedError if the orientation follows from errors; `assumed`: how large these are taken to be."""
-        if self.rotation_stddev_deg > MAX_ROTATION_STDDEV_DEG:
-            raise NotAlignedError(
-                f"the {what} are almost on a line, or so close together that errors{assumed} leave the orientation open"
-            )
+    def errors(self, stddev: float, is_series: bool, is_level: bool = False) -> AlignmentErrors:
+        """Returns the deviations of the alignment; `stddev`: of a position in space, and more as `estimate_errors`."""
+        within = self.is_within
+        return estimate_errors(
+            self.centres[within], self.targets[within], stddev / np.sqrt(3), is_series=is_series, is_level=is_level
+        )
 
-    def text(self, title: str) -> str:
+    def text(self, title: str, errors: AlignmentErrors) -> str:
         """Returns what a user wants to know of it; `title`: what the model is aligned to."""
-        median, tolerance = (f"{x:.1f}" if x >= 1 else f"{x:.2g}" for x in (np.median(self.errors), self.tolerance))
+        median, tolerance = (f"{x:.1f}" if x >= 1 else f"{x:.2g}" for x in (np.median(self.distances), self.tolerance))
         num_beyond = int(np.sum(~self.is_within))
         beyond = "none" if num_beyond == 0 else str(num_beyond)
         return (
-            f"aligned to the {title}: median error {median} m, "
-            f"{beyond} beyond {tolerance} m, orientation to {self.rotation_stddev_deg:.1f} degrees"
+            f"aligned to the {title}: median error {median} m, {beyond} beyond {tolerance} m, "
+            f"orientation to {errors.rotation_deg:.1f} degrees, lengths to {errors.scale_percent:.2g} %"
         )
+
+
+def _open_orientation(what: str, assumed: str = "") -> NotAlignedError:
+    """Returns the error that the orientation follows from errors; `assumed`: how large these are taken to be."""
+    return NotAlignedError(
+        f"the {what} are almost on a line, or so close together that errors{assumed} leave the orientation open"
+    )
 
 
 def align_to_positions(
@@ -98,11 +121,46 @@ def align_to_positions(
     stddev = float(np.median(stddevs)) if len(stddevs) >= len(used) / 2 else None
     with ProgressBar(f"aligning to the {title} of {len(used)} photos"):
         fit = _fit(align, targets, stddev, title)
+    what = f"photos with {title}"
     assumed = f" of {MIN_STDDEV_M:g} m (assumed)" if stddev is None else ""
-    fit.require_orientation(f"photos with {title}", assumed)
+    if fit is None:
+        raise _open_orientation(what, assumed)
+    errors = fit.errors(stddev or MIN_STDDEV_M, is_series=True)
+    text = f"{title} of {len(used)} photos"
+    level = find_level(
+        np.array([pose.rotation for pose in poses.values()]), [read_orientation(folder.images / name) for name in poses]
+    )
+    name = used[0].name
+    up = (poses_of(read_model(folder.model))[name].rotation.T @ poses[name].rotation)[2]
+    if level.stddev_deg < errors.tilt_deg and level.agrees(up, TOLERANCE * np.hypot(level.stddev_deg, errors.tilt_deg)):
+        centres = np.array([poses[photo.name].cam_in_world for photo in used])
+        scale, pose = level.align(centres[fit.is_within], targets[fit.is_within])
+        transform(folder, runner, colmap, source, [scale, *pose.qvec.tolist(), *pose.tvec.tolist()])
+        fit = Fit.of(pose(scale * centres), targets)
+        errors = fit.errors(stddev or MIN_STDDEV_M, is_series=True, is_level=True).with_tilt(level.stddev_deg)
+        text += " and to the vertical of the cameras"
+    if errors.rotation_deg > MAX_ROTATION_STDDEV_DEG:
+        raise _open_orientation(what, assumed)
+    _warn_if_inaccurate(fit, errors, what, assumed)
     if positions.origin is not None:
         positions.origin.write(folder.model)
-    return fit.text(f"{title} of {len(used)} photos")
+    return fit.text(text, errors)
+
+
+def _warn_if_inaccurate(fit: Fit, errors: AlignmentErrors, what: str, assumed: str) -> None:
+    """Warns of an orientation or a scale that positions determine badly; words as of `_open_orientation`."""
+    if errors.rotation_deg <= GOOD_ROTATION_STDDEV_DEG and errors.scale_percent <= GOOD_SCALE_STDDEV_PERCENT:
+        return
+    logger.warning(
+        "the orientation of the model is only known to %.0f degrees, and lengths to %.0f %%, because the %s are within "
+        "%.2g m, and errors%s are too large for this: photos of a larger area help, or --control_points, or, for "
+        "lengths, --scale",
+        errors.rotation_deg,
+        errors.scale_percent,
+        what,
+        np.linalg.norm(np.ptp(fit.centres, axis=0)),
+        assumed,
+    )
 
 
 def check_marks(control: ControlPoints, photos: Iterable[str], source: pathlib.Path) -> None:
@@ -152,8 +210,12 @@ def align_to_points(
         return np.array([similarity * place for place in found])
 
     fit = _fit(align, targets, POINT_STDDEV_M, "control points")
-    fit.require_orientation("control points")
-    for point, error, is_within in zip(places, fit.errors, fit.is_within):
+    if fit is None:
+        raise _open_orientation("control points")
+    errors = fit.errors(POINT_STDDEV_M, is_series=False)
+    if errors.rotation_deg > MAX_POINTS_ROTATION_STDDEV_DEG:
+        raise _open_orientation("control points")
+    for point, error, is_within in zip(places, fit.distances, fit.is_within):
         if not is_within:
             logger.warning("control point '%s' is left out, because it is off by %.2g m", point, error)
     quaternion = np.roll(similarity.rotation.quat, 1)
@@ -161,19 +223,22 @@ def align_to_points(
     transform(folder, runner, colmap, source, numbers.tolist())
     if origin is not None:
         origin.write(folder.model)
-    return fit.text(f"{len(places)} control points")
+    return fit.text(f"{len(places)} control points", errors)
 
 
-def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float | None, title: str) -> Fit:
+def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float | None, title: str) -> Fit | None:
     """Aligns with a small tolerance, which is doubled until half of the photos are within, and then with the one that
-    their errors give. A large one would let a wrong position turn and scale a small scene."""
+    their errors give. A large one would let a wrong position turn and scale a small scene.
+
+    None if all are on a line.
+    """
     tolerance, found = min(TOLERANCE * (stddev or np.inf), FIRST_TOLERANCE_M), None
     for _ in range(MAX_NUM_PASSES):
         centres = align(tolerance)
-        fit = None if centres is None else _measure(centres, targets, tolerance, stddev)
+        fit = None if centres is None else Fit(centres, targets, tolerance)
         if fit is not None and np.sum(fit.is_within) >= max(MIN_NUM_PHOTOS, len(targets) / 2):
             found = fit
-            tolerance = max(TOLERANCE * float(np.median(fit.errors)), MIN_TOLERANCE_M)
+            tolerance = Fit.of(fit.centres, targets).tolerance
             if SIMILAR < tolerance / fit.tolerance < 1 / SIMILAR:
                 return found
         elif found is not None:
@@ -184,26 +249,10 @@ def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float |
         # COLMAP finds no similarity if all are on one line.
         _, width, _ = np.linalg.svd(targets - targets.mean(axis=0), compute_uv=False)
         if width < (stddev or MIN_STDDEV_M):
-            return Fit(np.full(len(targets), np.inf), tolerance, np.inf)
+            return None
         raise NotAlignedError(f"the {title} of the photos and their poses differ by more than {tolerance / 2:.0f} m")
     align(found.tolerance)
     return found
-
-
-def _measure(centres: Array, targets: Array, tolerance: float, stddev: float | None) -> Fit:
-    """Compares aligned centres with positions, both n x 3; `stddev`: the stated accuracy of positions."""
-    residuals = centres - targets
-    errors = np.linalg.norm(residuals, axis=1)
-    within = errors <= tolerance
-    count = int(np.sum(within))
-    if count < MIN_NUM_PHOTOS:
-        return Fit(errors, tolerance, np.inf)
-    least = min(stddev or MIN_STDDEV_M, MIN_STDDEV_M) / np.sqrt(3)  # few photos may fit by chance
-    deviation = max(least, float(np.sqrt(np.sum(residuals[within] ** 2) / (3 * count - NUM_PARAMETERS))))
-    # The rotation about the line along which the photos lie follows from their distances to it.
-    _, second, third = np.linalg.svd(centres[within] - centres[within].mean(axis=0), compute_uv=False)
-    with np.errstate(divide="ignore"):
-        return Fit(errors, tolerance, float(np.degrees(np.divide(deviation, np.hypot(second, third)))))
 
 
 def transform(
