@@ -132,7 +132,9 @@ def align_to_positions(
     )
     name = used[0].name
     up = (poses_of(read_model(folder.model))[name].rotation.T @ poses[name].rotation)[2]
-    if level.stddev_deg < errors.tilt_deg and level.agrees(up, TOLERANCE * np.hypot(level.stddev_deg, errors.tilt_deg)):
+    is_known = stddev is not None or positions.origin is not None  # a survey may be far more accurate than is assumed
+    max_angle_deg = TOLERANCE * float(np.hypot(level.stddev_deg, errors.tilt_deg))
+    if is_known and level.stddev_deg < errors.tilt_deg and level.agrees(up, max_angle_deg):
         centres = np.array([poses[photo.name].cam_in_world for photo in used])
         scale, pose = level.align(centres[fit.is_within], targets[fit.is_within])
         transform(folder, runner, colmap, source, [scale, *pose.qvec.tolist(), *pose.tvec.tolist()])
