@@ -336,7 +336,8 @@ class JointSolver {
   static SparseMatrix Reduced(const SparseMatrix& left, const SparseMatrix& right, const SparseMatrix& of_points,
                               const SparseMatrix& inverse_of_points) {
     const SparseMatrix reduction = SparseMatrix(left.transpose() * of_points) * inverse_of_points;
-    return SparseMatrix(left.transpose() * right) - SparseMatrix(reduction * SparseMatrix(of_points.transpose() * right));
+    return SparseMatrix(left.transpose() * right) -
+           SparseMatrix(reduction * SparseMatrix(of_points.transpose() * right));
   }
 
   JointScene& scene_;

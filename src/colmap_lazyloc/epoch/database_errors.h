@@ -27,8 +27,8 @@ class DatabaseErrors {
   // Estimates the sizes of the errors from an adjustment under the priors.
   void Estimate(const JointScene& scene, const JointAdjustment& adjustment);
   // Returns the covariance of each photo's pose for the tangent (w, dt) of cam_from_world, relative to the database as
-  // given, or to the survey of control points, with the error of constant intrinsics; not finite for photos that are not
-  // adjusted.
+  // given, or to the survey of control points, with the error of constant intrinsics; not finite for photos that are
+  // not adjusted.
   std::vector<Eigen::Matrix<double, 6, 6>> PhotoCovariances(const JointScene& scene,
                                                             const JointAdjustment& adjustment) const;
   // Gives the database images their given poses, and, without control points, moves each adjusted photo by the error

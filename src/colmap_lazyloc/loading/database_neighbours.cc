@@ -16,8 +16,8 @@
 namespace lazyloc {
 namespace {
 
-// Numbers of database images, and of keypoints that two or more of them match, from which on the query's own tracks tell
-// the size of the errors.
+// Numbers of database images, and of keypoints that two or more of them match, from which on the query's own tracks
+// tell the size of the errors.
 constexpr size_t kEnoughImages = 3;
 constexpr int kEnoughPoints = 200;
 // Maximum number of other images that an image is paired with, and of matches of a pair that are used.

@@ -130,10 +130,10 @@ void AddPose(const LocalizationResult& result, Json* json) {
 Json IntrinsicsToJson(const IntrinsicsResult& intrinsics) {
   const bool is_tested = intrinsics.verdict != IntrinsicsVerdict::NOT_TESTED;
   Json json = {{"origin", EnumName(intrinsics.origin)},
-          {"verdict", EnumName(intrinsics.verdict)},
-          {"focal_factor", is_tested ? Json(intrinsics.focal_factor) : Json()},
-          {"focal_factor_stddev", is_tested ? Json(intrinsics.focal_factor_stddev) : Json()},
-          {"contradiction", intrinsics.contradiction.empty() ? Json() : Json(intrinsics.contradiction)}};
+               {"verdict", EnumName(intrinsics.verdict)},
+               {"focal_factor", is_tested ? Json(intrinsics.focal_factor) : Json()},
+               {"focal_factor_stddev", is_tested ? Json(intrinsics.focal_factor_stddev) : Json()},
+               {"contradiction", intrinsics.contradiction.empty() ? Json() : Json(intrinsics.contradiction)}};
   if (intrinsics.origin == IntrinsicsOrigin::JOINT) json["covariance"] = CovarianceToJson<6>(intrinsics.covariance);
   return json;
 }

@@ -62,12 +62,12 @@ LAZYLOC_ARCHIVE(EpochResult, hangs_on_others, is_adjusted, shift)
 // Leaves the points out, which are a part of their own.
 template <typename Archive>
 void serialize(Archive& archive, LocalizationResult& result) {
-  auto& [query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
+  auto& [query_name, status, is_camera_refined, reason, query_camera, intrinsics, priors, frame_name, rig_error_px,
          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, runner_up, partial_pose,
          database_pose_noise, depth, start, pairs, points, num_tracks, num_observations, mean_reprojection_error_px,
          seconds] = result;
   static_cast<void>(points);
-  archive(query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
+  archive(query_name, status, is_camera_refined, reason, query_camera, intrinsics, priors, frame_name, rig_error_px,
           cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, runner_up, partial_pose,
           database_pose_noise, depth, start, pairs, num_tracks, num_observations, mean_reprojection_error_px, seconds);
 }

@@ -90,10 +90,9 @@ struct RunnerUp {
 struct LocalizationResult {
   std::string query_name;
   QueryStatus status = QueryStatus::NO_PAIRS;
+  bool is_camera_refined = false;  // false if query_camera is the given one
   std::string reason;              // one sentence; empty when LOCALIZED
   Camera query_camera;             // that belongs to the pose: as given, estimated or corrected
-  bool is_camera_refined = false;  // false if the camera is the given one
-
   IntrinsicsResult intrinsics;
   QueryPriorResult priors;
 
