@@ -113,6 +113,30 @@ std::vector<int> PlacesOf(const PriorGroup& group, int num_queries, const JointA
   return places;
 }
 
+// Gives the priors the variances that covariances allow for. Returns how this changes the information of an adjustment.
+// places: by PlacesOf.
+SparseMatrix WidenPriors(const JointAdjustment& adjustment, const std::vector<int>& places, PriorGroup* group) {
+  const PriorPrecision precision = PrecisionOf(*group);
+  const std::vector<double> variances = VariancesForCovariance(*group, {}, adjustment.variance_factor);
+  for (size_t i = 0; i < variances.size(); ++i) {
+    group->components[i].variance = variances[i] / adjustment.variance_factor;
+  }
+  const PriorPrecision wider = PrecisionOf(*group);
+  const auto size = static_cast<Eigen::Index>(places.size());
+  std::vector<Eigen::Triplet<double>> changes;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j < size; ++j) {
+      for (int k = 0; k < 6; ++k) {
+        const double difference = wider.Of(k)(i, j) - precision.Of(k)(i, j);
+        if (difference != 0) changes.emplace_back(places[i] + k, places[j] + k, difference);
+      }
+    }
+  }
+  SparseMatrix change(adjustment.information.rows(), adjustment.information.cols());
+  change.setFromTriplets(changes.begin(), changes.end());
+  return change;
+}
+
 // Returns the information of the images on the deviations, without the priors, with all other parameters eliminated.
 // One coordinate of all frames after the other.
 Eigen::MatrixXd InformationOnDeviations(const InformationFactor& factor, const PriorPrecision& precision) {
@@ -184,25 +208,9 @@ std::vector<Matrix6d> DatabaseErrors::PhotoCovariances(const JointScene& scene,
   std::vector<Matrix6d> covariances(layout_.num_queries, Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN()));
   const PosedImages posed = PosedBy(scene);
   PriorGroup group = posed.prior_groups[0];
-  const PriorPrecision precision = PrecisionOf(group);
-  const std::vector<double> variances = VariancesForCovariance(group, {}, adjustment.variance_factor);
-  for (size_t i = 0; i < variances.size(); ++i) {
-    group.components[i].variance = variances[i] / adjustment.variance_factor;
-  }
   const std::vector<int> places = PlacesOf(group, layout_.num_queries, adjustment);
   const auto size = static_cast<Eigen::Index>(places.size());
-  const PriorPrecision wider = PrecisionOf(group);
-  std::vector<Eigen::Triplet<double>> changes;
-  for (Eigen::Index i = 0; i < size; ++i) {
-    for (Eigen::Index j = 0; j < size; ++j) {
-      for (int k = 0; k < 6; ++k) {
-        const double difference = wider.Of(k)(i, j) - precision.Of(k)(i, j);
-        if (difference != 0) changes.emplace_back(places[i] + k, places[j] + k, difference);
-      }
-    }
-  }
-  SparseMatrix change(adjustment.information.rows(), adjustment.information.cols());
-  change.setFromTriplets(changes.begin(), changes.end());
+  const SparseMatrix change = WidenPriors(adjustment, places, &group);
   const InformationFactor factor(adjustment.information + change, places);
   if (!factor.Succeeded()) return covariances;
   // The negative derivative of the parameters by corrections of the cameras.

@@ -95,10 +95,9 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const PoseDerivatives derivatives = DerivativesAroundCamera(adjusted, query, score.frame_from_correction);
       // Takes the expected square of the corrections that are left, because the pose is that of those that were made.
       const OtherCorrections made = camera ? camera->Corrections() : OtherCorrections::Zero();
-      const CorrectionDistribution others =
+      const auto [mean, covariance] =
           UncalibratedCorrections(score, variance_factor, made, problem.query_camera, result.origin);
-      const OtherCorrections left = others.mean - made;
-      const OtherCovariance mean_square = others.covariance + left * left.transpose();
+      const OtherCovariance mean_square = covariance + (mean - made) * (mean - made).transpose();
       const auto by_others = derivatives.rightCols<kNumOtherCorrections>();
       pose.of_images += by_others * mean_square * by_others.transpose();
       if (result.origin == IntrinsicsOrigin::JOINT && !camera) {
