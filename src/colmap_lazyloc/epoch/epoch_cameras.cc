@@ -19,14 +19,15 @@ CameraKey KeyOf(const Camera& camera, const std::string& owner) {
   return {camera.model_id, camera.width, camera.height, camera.params, owner};
 }
 
-// Returns the camera of a localized photo if it is one of the model, or calibrated before; else nullopt.
+// Returns the camera of a localized photo if it is one of the model, somebody has given it, or several photos have
+// determined it; else nullopt.
 std::optional<JointCamera> FindKnownCamera(const Model& model, const LocalizationResult& result) {
   for (const auto& id_and_camera : model.cameras) {
     if (SameIntrinsics(id_and_camera.second, result.query_camera)) return JointCamera{id_and_camera.second, true};
   }
-  const IntrinsicsOrigin origin = result.intrinsics.origin;
-  const bool is_given = origin == IntrinsicsOrigin::GIVEN && !result.is_camera_refined;
-  if (!is_given && origin != IntrinsicsOrigin::JOINT) return std::nullopt;
+  const bool is_given = result.intrinsics.origin == IntrinsicsOrigin::GIVEN && !result.is_camera_refined;
+  const bool is_joint = !result.intrinsics.covariance.isZero(0);
+  if (!is_given && !is_joint) return std::nullopt;
   return JointCamera{result.query_camera, true, result.intrinsics.covariance};
 }
 
