@@ -54,7 +54,8 @@ class Fit:
     @functools.cached_property
     def distances(self) -> Array:
         """The errors in metres."""
-        return np.linalg.norm(self.centres - self.targets, axis=1)
+        distances: Array = np.linalg.norm(self.centres - self.targets, axis=1)
+        return distances
 
     @property
     def is_within(self) -> Array:
