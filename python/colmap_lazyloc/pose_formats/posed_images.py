@@ -159,13 +159,13 @@ def convertible_suffixes() -> tuple[str, ...]:
     return tuple(suffix for suffix in PHONE_SUFFIXES if suffix in PIL.Image.registered_extensions())
 
 
-def open_photo(path: pathlib.Path) -> "PIL.ImageFile.ImageFile":
+def open_photo(file: pathlib.Path | io.BytesIO) -> "PIL.ImageFile.ImageFile":
     """Opens a photo with Pillow, whose errors for damaged files are of many types. The caller closes it."""
     import PIL.Image
 
     convertible_suffixes()  # so that Pillow reads photos of phones
     PIL.Image.MAX_IMAGE_PIXELS = MAX_NUM_PIXELS
-    return PIL.Image.open(path)
+    return PIL.Image.open(file)
 
 
 def stored_size(photo: "PIL.Image.Image") -> tuple[int, int]:
@@ -195,15 +195,14 @@ def decode_as_stored(data: Array, flags: int) -> Array | None:
     # OpenCV turns TIFF photos in any case, and garbles them if it reduces their size.
     if data[:4].tobytes() in (b"II*\0", b"MM\0*"):
         upright = cv2.imdecode(data, flags & cv2.IMREAD_COLOR)
-        return None if upright is None else turn_back(upright, _orientation(data.tobytes()))
+        return None if upright is None else turn_back(upright, read_orientation(io.BytesIO(data.tobytes())))
     return cv2.imdecode(data, flags | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
 
 
-def _orientation(data: bytes) -> int:
+def read_orientation(file: pathlib.Path | io.BytesIO) -> int:
+    """Returns EXIF's orientation of a photo; 1, upright, if it has none or cannot be read."""
     try:
-        import PIL.Image
-
-        with PIL.Image.open(io.BytesIO(data)) as photo:
+        with open_photo(file) as photo:
             return int(photo.getexif().get(ORIENTATION, 1))
     except Exception:  # without Pillow, and each decoder raises others for damaged files
         return 1

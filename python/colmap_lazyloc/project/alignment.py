@@ -13,13 +13,12 @@ from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError, first_names, logger
 from colmap_lazyloc.model import poses_of, read_model
 from colmap_lazyloc.pose_formats.control_points import POINT_STDDEV_M, ControlPoints, MarkedPhotos
-from colmap_lazyloc.pose_formats.posed_images import Positions
+from colmap_lazyloc.pose_formats.posed_images import Positions, read_orientation
 from colmap_lazyloc.progress import ProgressBar
 from colmap_lazyloc.project.alignment_errors import AlignmentErrors, estimate_errors
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.project.level import find_level
-from colmap_lazyloc.project.photos import read_orientation
 
 MIN_NUM_PHOTOS = 3
 MIN_NUM_POINTS = 3

@@ -159,15 +159,6 @@ def _convert(path: pathlib.Path, target: pathlib.Path) -> None:
     staged.replace(target)
 
 
-def read_orientation(path: pathlib.Path) -> int:
-    """Returns EXIF's orientation of a photo; 1, upright, if it has none."""
-    try:
-        with open_photo(path) as photo:
-            return int(photo.getexif().get(ORIENTATION, 1))
-    except Exception:  # without Pillow, and each decoder raises others for damaged files
-        return 1
-
-
 def stored_pixel(what: str, path: pathlib.Path, x: float, y: float) -> tuple[float, float]:
     """Returns where the project's image of a photo has the pixel that a viewer of photos shows at x, y. Viewers turn
     photos upright; the project does so only with mirror images. `what` begins the message if there is no such pixel."""

@@ -141,13 +141,17 @@ class JointSolver {
   }
 
  private:
+  // Returns the standard deviation of a keypoint, or of a control point's mark.
+  static double NoisePx(const JointPoint& point, const JointImage& image) {
+    return point.survey ? point.survey->mark_noise_px : image.noise_px;
+  }
+
   void AddPoint(size_t index) {
-    const std::optional<Survey>& survey = scene_.points[index].survey;
     for (const JointObservation& observation : scene_.points[index].observations) {
       const JointImage& image = scene_.images[observation.image];
       const int model_id = scene_.cameras[image.camera].camera.model_id;
       const Eigen::Vector2d& keypoint = image.keypoints[observation.keypoint];
-      const double noise_px = survey ? survey->mark_noise_px : image.noise_px;
+      const double noise_px = NoisePx(scene_.points[index], image);
       problem_.AddResidualBlock(
           image.prior ? MakeReprojectionCost(model_id, keypoint, noise_px, DatabasePlacement{*image.prior})
                       : MakeReprojectionCost(model_id, keypoint, noise_px, PhotoPlacement{}),
@@ -255,11 +259,8 @@ class JointSolver {
     adjustment->coupling_with_cameras = Reduced(of_poses, DerivativeByCorrections(residuals), of_points, inverse);
   }
 
-  // Returns the weight of an observation in Cauchy's loss. row: of the first of its two residuals.
-  static double Weight(const std::vector<double>& residuals, Eigen::Index row) {
-    const double square = residuals[row] * residuals[row] + residuals[row + 1] * residuals[row + 1];
-    return 1 / (1 + square / (kLossScaleSigma * kLossScaleSigma));
-  }
+  // Returns the weight in Cauchy's loss of an observation, by the square of its error.
+  static double Weight(double square) { return 1 / (1 + square / (kLossScaleSigma * kLossScaleSigma)); }
 
   // Returns the derivative of the weighted residuals with respect to corrections of the constant cameras' intrinsics.
   SparseMatrix DerivativeByCorrections(const std::vector<double>& residuals) const {
@@ -270,11 +271,11 @@ class JointSolver {
         const JointImage& image = scene_.images[observation.image];
         const JointCamera& camera = scene_.cameras[image.camera];
         if (!camera.covariance.isZero(0)) {
-          const double noise_px = point.survey ? point.survey->mark_noise_px : image.noise_px;
-          const Eigen::Vector2d projection =
-              image.keypoints[observation.keypoint] + noise_px * Eigen::Vector2d(residuals[row], residuals[row + 1]);
+          const double noise_px = NoisePx(point, image);
+          const Eigen::Vector2d error(residuals[row], residuals[row + 1]);
+          const Eigen::Vector2d projection = image.keypoints[observation.keypoint] + noise_px * error;
           const Eigen::Matrix<double, 2, NUM_INTRINSICS_PARAMETERS> derivative =
-              std::sqrt(Weight(residuals, row)) / noise_px *
+              std::sqrt(Weight(error.squaredNorm())) / noise_px *
               CorrectionDerivative(projection - PrincipalPoint(camera.camera));
           for (int k = 0; k < 2; ++k) {
             for (int col = 0; col < NUM_INTRINSICS_PARAMETERS; ++col) {
@@ -298,7 +299,7 @@ class JointSolver {
     double sum_weights = 0, sum_derivatives = 0, sum_squares = 0;
     for (Eigen::Index row = 0; row < num_errors; row += 2) {
       const double square = residuals[row] * residuals[row] + residuals[row + 1] * residuals[row + 1];
-      const double weight = Weight(residuals, row);
+      const double weight = Weight(square);
       sum_weights += weight;
       sum_derivatives += weight * weight;
       sum_squares += weight * weight * square / 2;
