@@ -3,16 +3,15 @@
     lazyloc control_points RESULTS gcp_list.txt
 
 RESULTS is the output folder of `lazyloc run` or of `colmap lazy_localizer`, or the folder of a COLMAP model. The points
-and their marks are in one file or in two tables. One file is gcp_list.txt of OpenDroneMap, or the XML file of markers
-that Metashape exports. Of the two tables, the first has the columns `point, latitude, longitude, height` or
-`point, x, y, z`. The second has the columns `photo, point, x, y`, with x and y in pixels from the corner of the photo,
-as in COLMAP. A point without coordinates is only compared between the database photos and the new photos.
+and their marks are in one file (gcp_list.txt of OpenDroneMap, or the XML file of markers from Metashape) or in two
+tables. The first table has the columns `point, latitude, longitude, height` or `point, x, y, z`, the second
+`photo, point, x, y`, with x and y in pixels from the corner of the photo, as in COLMAP. A point without coordinates is
+only compared between the database photos and the new photos.
 
-The rays through the marks of a point meet at one place. The command computes this place twice: from the marks in the
-database photos, and from the marks in the new photos. It prints the distance between each place and the surveyed point,
-and the distance in pixels between the projected surveyed point and its marks. If database photos and new photos show
-the same points, the command also prints the shift of the new photos. It writes the residuals of a run to
-control_points.json, and the next report shows them.
+The command triangulates each point from its marks in the database photos, and again from its marks in the new photos.
+It prints the errors of both positions, and the distances in pixels between the projected surveyed points and their
+marks. If database photos and new photos show the same points, it also prints the shift of the new photos. It writes the
+residuals of a run to control_points.json, for the next report.
 """
 
 import argparse

@@ -4,9 +4,7 @@
 
 ESTIMATED is the output folder of `colmap lazy_localizer`. ESTIMATED and TRUTH may also be files with lines
 `name qw qx qy qz tx ty tz` (cam_from_world, as in poses.txt), or folders with a COLMAP model, text or binary.
-Mean and median are computed over the localized queries. The recall is computed over all queries, so a query without a
-pose counts as a failure. Lengths are in metres if you pass --unit m, or if TRUTH is a model with geographic
-coordinates. Otherwise, lengths are in the unit of the database.
+Mean and median are of the localized queries. The recall is of all queries: a query without a pose is a failure.
 """
 
 import argparse
@@ -221,10 +219,9 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--query_list_path",
         type=pathlib.Path,
-        help="file with the queries to evaluate, one per line: `name` or `name MODEL width height params...`; "
-        "default: all names in the ground-truth file. If the ground truth is a model, the default is all queries of "
-        "the run (from results.jsonl beside the estimated poses) that are in the model; without results.jsonl, the "
-        "default is all images with an estimated pose",
+        help="file with the queries to evaluate, one per line: `name` or `name MODEL width height params...`; default: "
+        "all names in the ground-truth file. If the ground truth is a model: the queries of the run that are in the "
+        "model; without results.jsonl, all images with an estimated pose",
     )
     parser.add_argument(
         "--thresholds",

@@ -56,9 +56,8 @@ def add_source_options(add: Callable[..., Any]) -> None:
         "--calibration",
         type=pathlib.Path,
         metavar="FILE",
-        help="file with the intrinsics. If the poses are of the robot or vehicle, the file also has the mounting of "
-        "the camera: sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or calib_cam_to_pose.txt "
-        "(KITTI-360)",
+        help="file with the intrinsics and, if the poses are of the robot or vehicle, the mounting of the camera: "
+        "sensor.yaml (EuRoC), camchain.yaml (Kalibr), calib.txt (KITTI) or calib_cam_to_pose.txt (KITTI-360)",
     )
     add(
         "--crs",
@@ -138,22 +137,22 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--image_path",
         type=pathlib.Path,
-        help="folder of the photos. Poses of photos outside this folder are left out, and the images of the model "
-        "get the names of the photos",
+        help="folder of the photos. Poses of other photos are left out, and the images of the model get the names of "
+        "the photos",
     )
     add("--binary", action="store_true", help="write binary files; default: text")
     add(
         "--model",
         type=pathlib.Path,
-        help="for exif: model with geo.json, to whose coordinates the positions are converted; default: the origin of "
-        "the coordinates is the mean position of the photos",
+        help="for exif: model with geo.json, to whose coordinates the positions are converted; default: a local frame "
+        "at the mean position of the photos",
     )
     add(
         "--rig_config_path",
         type=pathlib.Path,
         metavar="FILE",
         help="rig calibration, if the poses are of the rig's reference camera; the poses of the other cameras are "
-        "computed from this calibration",
+        "computed from it",
     )
     add(
         "--poses",

@@ -2,10 +2,10 @@
 
     python -m colmap_lazyloc.upgrade_database DATABASE
 
-COLMAP 3.10 creates the table pose_priors without the column position_covariance. COLMAP 4 needs this column to migrate
-a database. Without the column, COLMAP 4 fails ("No registered database factory succeeded") and leaves the file half
-migrated. This command adds the column, also to a half-migrated database. COLMAP 4 does the rest of the migration when
-it opens the database. lazy_localizer reads the databases of all versions, so it does not need the upgrade.
+COLMAP 3.10 creates the table pose_priors without the column position_covariance, without which COLMAP 4 fails ("No
+registered database factory succeeded") and leaves the file half migrated. This command adds the column, also to a
+half-migrated database. COLMAP 4 does the rest of the migration when it opens the database. lazy_localizer reads the
+databases of all versions without it.
 """
 
 import argparse

@@ -2,10 +2,10 @@
 
     lazyloc check database.db model
 
-The command compares the verified matches of up to 60 image pairs with the poses. If the matches do not fit the poses,
-the command tries common mistakes: other camera axes, inverse poses, photos in another order, and more. It lists images
-whose poses contradict the other poses. It cannot detect a wrong scale, or a shift or rotation of all poses together.
-The exit code is 2 if the poses are wrong.
+The command compares the verified matches of up to 60 image pairs with the poses. If they do not fit, it looks for a
+common mistake: other camera axes, inverse poses, photos in another order, and more. It also lists images whose poses
+contradict the other poses. It cannot detect a wrong scale, or a shift or rotation of all poses together. The exit code
+is 2 if the poses are wrong.
 """
 
 import argparse

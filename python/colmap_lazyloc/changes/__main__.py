@@ -5,12 +5,10 @@
 RESULTS is the output folder of `lazyloc run --epoch` or of `colmap lazy_epoch`. The command prints a line for each
 change, and writes changes.json beside the results. `lazyloc report RESULTS` then shows the changes, too.
 
-A thing has moved if its points are at another place in the new photos, and if they have moved as one rigid body. A
-thing has vanished if at least three database photos show its points, and if at least two new photos show what is behind
-the thing. These new photos must be from viewpoints similar to the viewpoints of the database photos. A thing is new if
-at least three new photos show its points, and if at least two database photos show what is behind the thing. The
-command cannot find changes at a place that only photos of one epoch show. It cannot find changes of a surface's colour
-or texture.
+A thing has moved if its points have moved as one rigid body. A thing has vanished if at least three database photos
+show its points, and at least two new photos from similar viewpoints show what is behind it. A thing is new if at least
+three new photos show its points, and at least two database photos show what is behind it. The command cannot find
+changes of a surface's colour or texture, nor changes at a place that only photos of one epoch show.
 """
 
 import argparse
@@ -89,8 +87,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--database_path",
         type=pathlib.Path,
         metavar="FILE",
-        help="COLMAP database with the keypoints of all photos and their matches, also between photos of the same "
-        "epoch; default: the database of RESULTS",
+        help="COLMAP database with the keypoints and matches of all photos, also between photos of the same epoch; "
+        "default: the database of RESULTS",
     )
     add(
         "--output",

@@ -4,8 +4,8 @@
         --output_path localized [options of lazy_localizer]
 
 Each shard is a run of `colmap lazy_localizer --shard I/N --resume 1` on a worker. Without --scheduler, the workers are
-processes on this machine. All workers must see all files at the same paths. After an interruption, run the same command
-again: it continues with the unfinished queries.
+processes on this machine. All workers must see all files at the same paths. After an interruption, the same command
+continues with the unfinished queries.
 """
 
 import argparse

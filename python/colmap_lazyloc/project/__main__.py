@@ -3,12 +3,12 @@
     lazyloc run --database_images photos --poses transforms.json --queries new_photos --output localization
 
 --poses is a COLMAP model, or a file that `lazyloc import` can read. Without --poses, COLMAP's mapper reconstructs the
-database images first. The results are then in metres if the photos have GPS, or if you pass --scale.
+database images; the results are in metres if the photos have GPS, or if you pass --scale.
 Features and matches are written to database.db in the output folder. With --poses and more than 50 database images,
-features are extracted only from the images that the queries need; --complete 1 extracts the features of all images.
-You can change photos, poses or options and run the command again. It repeats only the steps that the change affects.
+only the features that the queries need are extracted, unless you pass --complete 1.
+If you change photos, poses or options and run the command again, it repeats only the affected steps.
 You can also pass options of `colmap lazy_localizer`: --onnx_path, and options with a dot in their names, for example
---LazyLocalizer.num_retrieved 40. Options that begin with --SiftExtraction apply to all photos.
+--LazyLocalizer.num_retrieved 40. --SiftExtraction... applies to all photos.
 """
 
 import argparse

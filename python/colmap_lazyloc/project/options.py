@@ -63,8 +63,8 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         "--poses",
         type=pathlib.Path,
         metavar="PATH",
-        help="poses of the database images; default: COLMAP's mapper computes the poses. A table of positions "
-        "without rotations (name, latitude, longitude, altitude) determines the place and scale of the mapper's model",
+        help="poses of the database images; default: COLMAP's mapper computes the poses. A table of positions without "
+        "rotations (name, latitude, longitude, altitude) places and scales the mapper's model",
     )
     add(
         "--poses_format",
@@ -84,19 +84,19 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         "--scale",
         nargs=3,
         metavar=("A", "B", "METRES"),
-        help="known distance in metres, for results in metres without GPS and without --poses. A and B are points that "
-        "you see in database images (PHOTO:x,y in pixels, for example --scale a.jpg:310,250 a.jpg:1480,262 1.6), or "
-        "the cameras of database images (--scale a.jpg b.jpg 4.2). A point is more accurate if you mark it in "
-        "several photos: a.jpg:310,250+b.jpg:420,248",
+        help="known distance in metres, for photos without GPS and without --poses. A and B are points in database "
+        "images (PHOTO:x,y in pixels, for example --scale a.jpg:310,250 a.jpg:1480,262 1.6), or the cameras of "
+        "database images (--scale a.jpg b.jpg 4.2). A point that is marked in several photos is more accurate: "
+        "a.jpg:310,250+b.jpg:420,248",
     )
     of_poses(
         "--control_points",
         nargs="+",
         type=pathlib.Path,
         metavar="FILE",
-        help="surveyed points and their marks in photos: the files for `lazyloc control_points`. Without --poses, "
-        "the marks in database images place the model in the coordinates of the points. This needs at least three "
-        "points that are not on one line, each marked in two or more database images",
+        help="surveyed points and their marks in photos: the files for `lazyloc control_points`. Without --poses, they "
+        "place the model in the coordinates of the points; this needs at least three points that are not on one line, "
+        "each marked in two or more database images",
     )
     of_poses(
         "--use_control_points",
@@ -124,27 +124,25 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
     add(
         "--query_camera",
         metavar="'MODEL W H PARAMS...'",
-        help="intrinsics of the queries; default: the intrinsics of a database image of the same size, else an "
-        "estimate that starts from the focal length in EXIF or from a guess",
+        help="intrinsics of the queries; default: from a database image of the same size, else estimated",
     )
     add(
         "--one_camera",
         action="store_true",
-        help="one camera with one zoom took all queries of the same size without intrinsics. The intrinsics of this "
-        "camera are estimated from up to 20 of these queries together; default: this is assumed if you pass --epoch, "
-        "if the queries are frames of a video, or if EXIF shows it",
+        help="one camera with one zoom took all queries of the same size without intrinsics; they are estimated "
+        "together. Default: only for --epoch, for frames of a video, or if EXIF shows it",
     )
     add(
         "--masks",
         type=pathlib.Path,
         metavar="DIR",
-        help="folder of masks: NAME.png for the photo NAME. No features are extracted where a mask is black. Masks "
-        "of database images and of queries may be in the subfolders `database` and `query`",
+        help="folder of masks: NAME.png for the photo NAME, also in the subfolders `database` and `query`. No features "
+        "are extracted where a mask is black",
     )
     add(
         "--panoramas",
         choices=(*PANORAMA_ROLES,),
-        help="which photos are equirectangular panoramas; panoramas are cut into perspective images",
+        help="which photos are equirectangular panoramas, which are cut into perspective images",
     )
     add(
         "--frames_per_second",
@@ -165,8 +163,8 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         choices=("new", "both"),
         const="new",
-        help="adjust the poses of all new photos together; the poses of the database images do not change. The model "
-        "of the results contains the new photos; with `--epoch both`, it also contains the database images",
+        help="adjust the poses of all new photos together, with unchanged poses of the database images. The model of "
+        "the results contains the new photos; with `--epoch both`, also the database images",
     )
     add = parser.add_argument_group("steps").add_argument
     add(
@@ -174,8 +172,8 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         type=int,
         choices=(0, 1),
         default=0,
-        help="with --poses: extract the features of all database images and match these images with each other, for "
-        "other programs that read database.db. Localization does not need these features and matches; default: 0",
+        help="with --poses: extract and match the features of all database images, for other programs that read "
+        "database.db; localization does not need this. Default: 0",
     )
     add(
         "--num_neighbors",

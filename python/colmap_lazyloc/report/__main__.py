@@ -3,11 +3,7 @@
     lazyloc report RUN --image_path photos --database_path database.db --output report.html
 
 RUN is the output folder of `colmap lazy_localizer` or of `lazyloc run`. The page shows where each query was taken, how
-certain the pose is, and which matches support the pose. Lengths are in metres if you pass --unit m or if the run has
-geographic coordinates; otherwise, lengths are in the unit of the database.
-
-For the newest results of `lazyloc run`, all options have defaults: `lazyloc report RUN` writes the page of the run
-again.
+certain its pose is, and which matches support it. After `lazyloc run`, all options have defaults.
 """
 
 import argparse
@@ -60,9 +56,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--ground_truth",
         type=pathlib.Path,
-        help="true poses of the queries: a poses file, or the folder of a COLMAP model. The true poses must "
-        "be in the coordinates of the database, because the command does not align them; default: none; after a "
-        "leave-one-out run, the input model",
+        help="true poses of the queries, in the coordinates of the database: a poses file, or the folder of a COLMAP "
+        "model; default: none; after a leave-one-out run, the input model",
     )
     parser.add_argument(
         "--split",
@@ -91,16 +86,14 @@ def _add_bounds(parser: argparse.ArgumentParser) -> None:
         "--max_num_images",
         type=_count,
         default=80,
-        help="maximum number of queries that are shown with their photo and matches, each with up to three database "
-        "images. Three quarters of these queries are the queries with the lowest confidence, and one quarter are "
-        "random queries; default: %(default)s",
+        help="maximum number of queries with their photo and matches: three quarters have the lowest confidence, the "
+        "other quarter is random; default: %(default)s",
     )
     parser.add_argument(
         "--max_num_points",
         type=_count,
         default=1000000,
-        help="maximum number of points in the scene; if there are more, each query keeps about the same number of "
-        "points; default: %(default)s",
+        help="maximum number of points in the scene, distributed evenly over the queries; default: %(default)s",
     )
 
 
@@ -109,15 +102,14 @@ def _add_other_files(parser: argparse.ArgumentParser) -> None:
         "--tum",
         type=pathlib.Path,
         metavar="FILE",
-        help="also write the poses for evo, in the format of the TUM benchmark (world_from_cam). The time of a query "
-        "is the last number in its file name; if these numbers are not unique, the times are 0, 1, 2, ...",
+        help="also write the poses for evo, in TUM's format (world_from_cam). The time of a query is the last number "
+        "in its file name; if these numbers are not unique, the times are 0, 1, 2, ...",
     )
     parser.add_argument(
         "--plots",
         type=pathlib.Path,
         metavar="FOLDER",
-        help="also write plots as PNG and SVG files: distributions of the errors and the standard deviations, and "
-        "the risk-coverage curve",
+        help="also write plots as PNG and SVG files: errors, standard deviations, and the risk-coverage curve",
     )
 
 

@@ -45,7 +45,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--leave_one_out",
         action="store_true",
-        help="use the database images as queries, and compare each of them with all other database images",
+        help="use the database images as queries, each without itself as database image",
     )
     add("--output_path", type=pathlib.Path, required=True, help="list of pairs to write: two names per line")
     add(
@@ -63,7 +63,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--shard",
         type=parse_shard,
         metavar="I/N",
-        help="process only part I of N parts of the queries: the same queries as lazy_localizer --shard I/N",
+        help="process only part I of N of the queries: the same queries as lazy_localizer --shard I/N",
     )
     add("--memory_gb", type=float, default=4, help="maximum memory in gigabytes; default: %(default)s")
     add("--num_threads", type=int, default=-1, help="number of threads; -1: all cores; default: %(default)s")

@@ -2,9 +2,9 @@
 
     lazyloc serve localization/model
 
-MODEL is the folder of a COLMAP model, or the output folder of `lazyloc run`. The database is opened only once. GET /
-returns a page for phones and browsers, and GET /openapi.json a description of the interface. Without --host, only
-programs on this machine can reach the service. You can also pass options of `colmap lazy_localizer`.
+MODEL is the folder of a COLMAP model, or the output folder of `lazyloc run`. GET / returns a page for phones and
+browsers, and GET /openapi.json a description of the interface. Without --host, only programs on this machine can reach
+the service. You can also pass options of `colmap lazy_localizer`.
 """
 
 import argparse
@@ -44,8 +44,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
         "--tokens",
         type=pathlib.Path,
         metavar="FILE",
-        help="file with one bearer token per line; each request needs one of these tokens; default: no tokens are "
-        "needed",
+        help="file with one bearer token per line, of which each request needs one; default: no tokens are needed",
     )
     add = parser.add_argument_group("limits").add_argument
     add("--max_megabytes", type=positive_int, default=20, help="maximum megabytes per request; default: %(default)s")
@@ -54,7 +53,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
         "--max_queue",
         type=positive_int,
         default=16,
-        help="maximum number of waiting photos; further photos are refused with HTTP status 503; default: %(default)s",
+        help="maximum number of waiting photos; further photos get HTTP status 503; default: %(default)s",
     )
     add(
         "--max_seconds",
