@@ -44,9 +44,8 @@ class Localizer:
     """Localizes queries against the posed images of a COLMAP model. The results are the same as from
     `colmap lazy_localizer`.
 
-    You may call the methods of a Localizer from several threads at the same time. Invalid input raises `InputError`, a
-    subclass of ValueError, with a one-sentence message. A query that cannot be localized is not an error: the status of
-    its result gives the reason.
+    You may call the methods from several threads. Invalid input raises `InputError`, a subclass of ValueError. A query
+    that cannot be localized is not an error: the status of its result gives the reason.
     """
 
     def __init__(
@@ -63,8 +62,7 @@ class Localizer:
         `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or a dict {name: (R, t, camera)} with all
         posed images. R and t are cam_from_world; R is a 3x3 matrix or a quaternion (w, x, y, z). For `camera`, see
         `localize_photo`. Instead of R and t, you can pass one pose, as in `localize_rig`: {name: (pose, camera)}.
-        `index`: the file of the retrieval index for photos. The file is created or updated when the first photo needs
-        the index.
+        `index`: the file of the retrieval index for photos, which is created or updated for the first photo.
         `options`: options of the command line by name (see `list_options`), for example {"num_retrieved": 20},
         {"LazyLocalizer": {"num_retrieved": 20}} or {"LazyLocalizer.num_retrieved": 20}.
         """
@@ -100,8 +98,8 @@ class Localizer:
 
     @property
     def num_threads(self) -> int:
-        """Returns how many queries `localize_all` localizes at the same time. This is the value of the option
-        LazyLocalizer.num_threads, by default the number of cores."""
+        """Returns how many queries `localize_all` localizes at the same time: the option LazyLocalizer.num_threads, by
+        default the number of cores."""
         return self._num_threads if self._num_threads > 0 else os.cpu_count() or 1
 
     @property
@@ -113,19 +111,16 @@ class Localizer:
     def localize(
         self, name: str, *, position: PositionPrior | None = None, gravity: GravityPrior | None = None
     ) -> Result:
-        """Localizes one of `queries`. If the query belongs to a group or a rig's frame, all images of this group or
-        frame are localized together. The method returns only the result of the query.
+        """Localizes one of `queries`, together with all images of its group or of its rig's frame, and returns the
+        result of this query.
 
         `position`: ((x, y, z), uncertainty), the rough position of the camera in the model's coordinates, for example
-        from GPS. The uncertainty is one standard deviation for all coordinates, three standard deviations (one for each
-        coordinate), or a 3x3 covariance.
+        from GPS. The uncertainty is one standard deviation, three standard deviations (x, y, z), or a 3x3 covariance.
         `gravity`: ((x, y, z), standard deviation in degrees), the downward direction in the camera's axes (x right, y
         down, z forward). This argument needs the option world_up, the upward direction in the model.
 
-        `position` and `gravity` replace the values in the files of the options query_position_path and
-        query_gravity_path. If the images contradict `position` or `gravity`, the method ignores the
-        contradicted value.
-        `as_dict()["priors"]` of the result shows how the position and the direction were used.
+        `position` and `gravity` replace the values in query_position_path and query_gravity_path. A value that
+        contradicts the images is not used; `as_dict()["priors"]` of the result shows this.
         """
         localizer = self._open()
         group = localizer.find_group(_check_name(name))
@@ -147,9 +142,8 @@ class Localizer:
         height x width x 3 (RGB). The database must contain the descriptors of the posed images.
         `camera`: "MODEL width height params...", a dict with the keys model, width, height and params, or an object
         with these attributes, such as pycolmap.Camera. By default, the intrinsics come from a camera in the model with
-        the photo's size, from EXIF, or from a guess. If you do not pass intrinsics,
-        the method corrects the default intrinsics from the images.
-        `name`: the query's name, from which the seed of random numbers is computed; default: the path, or "photo".
+        the photo's size, from EXIF, or from a guess, and are corrected from the images.
+        `name`: the query's name, which also determines the random numbers; default: the path, or "photo".
         `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Photo(image, camera, name, position, gravity))
@@ -169,10 +163,9 @@ class Localizer:
         `camera`: see `localize_photo`.
         `keypoints`: array of the query's keypoints, n x 2, with x and y in pixels.
         `pairs`: {name of a posed image: (keypoints, matches)}. `keypoints` is an m x 2 array with the keypoints of the
-        posed image, x and y in pixels. `matches` is a k x 2 array of indices: in each row, the index of a query
-        keypoint, and the index of a keypoint of the posed image. If you pass only the matches, the keypoints of the
-        posed image are read from the database. The method verifies the matches with
-        COLMAP's two-view geometry.
+        posed image, x and y in pixels. Each row of `matches` (k x 2) has the index of a query keypoint, and the index
+        of a keypoint of the posed image. If you pass only the matches, the keypoints of the posed image are read from
+        the database. The matches are verified by COLMAP's two-view geometry.
         `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Matches(camera, keypoints, pairs, name, position, gravity))
@@ -182,18 +175,16 @@ class Localizer:
 
         `images`: {query: cam_from_rig}. A query is the name of one of `queries`, a `Photo` or a `Matches`. The pose
         cam_from_rig is a 3x4 or 4x4 matrix, (R, t), a `colmap_lazyloc.poses.Pose`, a pycolmap.Rigid3d or a
-        pycolmap.Image, with lengths in the model's unit. The method estimates the pose of the rig, and does
-        not change the poses cam_from_rig.
+        pycolmap.Image, with lengths in the model's unit. The poses cam_from_rig stay fixed.
         """
         return self._localize_frame(images, name, has_scale=True)
 
     def localize_trajectory(self, images: Mapping[QueryT, PoseInput], *, has_scale: bool = True) -> dict[str, Result]:
         """Localizes images with known relative poses, for example from odometry or SLAM, as one rigid body.
 
-        `images`: {query: cam_from_world}. Here, the world is the coordinate system of the trajectory. For the types
-        of queries and poses, see `localize_rig`.
-        `has_scale`: False if lengths in the trajectory are not in the model's unit. The scale of the trajectory is then
-        estimated.
+        `images`: {query: cam_from_world}, with the trajectory as world. For the types of queries and poses, see
+        `localize_rig`.
+        `has_scale`: False if lengths in the trajectory are not in the model's unit; their scale is then estimated.
         """
         return self._localize_frame(images, None, has_scale=has_scale)
 
@@ -202,8 +193,7 @@ class Localizer:
     ) -> Iterator[Result]:
         """Localizes many queries on several threads, and returns a generator of results in order of completion.
 
-        `queries`: an iterable of queries. A query is a name from the property `queries`, a `Photo` or a `Matches`;
-        default: all names in the property.
+        `queries`: names from the property `queries`, `Photo` or `Matches` objects; default: all names in the property.
         `num_threads`: number of threads; -1 means all cores; default: the property `num_threads`.
         `progress`: True shows a progress bar (tqdm) on the standard error output.
 

@@ -86,9 +86,8 @@ class Result:
 
     @property
     def runner_up(self) -> RunnerUp | None:
-        """Returns the most probable alternative to the result's pose; None if there is no alternative. The alternative
-        has a `pose`, an `explanation` in words, and `odds`: its probability, divided by the probability of the result's
-        pose."""
+        """Returns the most probable alternative to the result's pose, or None. It has a `pose`, an `explanation` in
+        words, and `odds`: its probability, divided by the probability of the result's pose."""
         fields = self._fields.get("runner_up")
         if fields is None:
             return None
@@ -118,8 +117,8 @@ class Result:
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
-        """Returns the 6x6 covariance of cam_from_world: the first three rows and columns belong to the rotation w in
-        rad (R <- exp(w) R), the last three to the translation t. None if unknown."""
+        """Returns the 6x6 covariance of cam_from_world: first the rotation w in rad (R <- exp(w) R), then the
+        translation t. None if unknown."""
         return _to_array(self._fields["covariance"])
 
     @property
@@ -136,42 +135,39 @@ class Result:
 
     @property
     def pose_covariance_in_map(self) -> NDArray[np.float64] | None:
-        """Returns the 6x6 covariance of world_from_cam, in the order of PoseWithCovariance in ROS. The first three rows
-        and columns belong to the position, the last three to the rotation w in rad about the fixed axes of the world
-        (R <- exp(w) R for the rotation R of world_from_cam). None if unknown."""
+        """Returns the 6x6 covariance of world_from_cam, in the order of ROS's PoseWithCovariance: first the position,
+        then the rotation w in rad about the fixed axes of the world (R <- exp(w) R for the rotation R of
+        world_from_cam). None if unknown."""
         return _to_array(self._fields["pose_covariance_in_map"])
 
     @property
     def heading_deg(self) -> float | None:
-        """Returns the compass direction of the optical axis, from 0 to 360: 0 is north, 90 is east. North is true north
-        if the model has geographic coordinates; in any other model, north is +y, and up is +z. None if the query is not
-        localized, or if no axis of the model is known to point up. For a camera that looks straight up or down, use
-        top_heading_deg."""
+        """Returns the compass direction of the optical axis, from 0 to 360: 0 is north, 90 is east. In a model without
+        geographic coordinates, north is +y, and up is +z. None if the query is not localized, or if no axis of the
+        model is known to point up. For a camera that looks straight up or down, use top_heading_deg."""
         return self._fields["heading_deg"]
 
     @property
     def pitch_deg(self) -> float | None:
-        """Returns the angle of the optical axis above the horizon, from -90 to 90; None if the query is not localized,
-        or if no axis of the model is known to point up."""
+        """Returns the angle of the optical axis above the horizon, from -90 to 90; None as for heading_deg."""
         return self._fields["pitch_deg"]
 
     @property
     def roll_deg(self) -> float | None:
         """Returns the rotation about the optical axis, from -180 to 180, positive if the photo's right side is lower;
-        None if the query is not localized, or if no axis of the model is known to point up."""
+        None as for heading_deg."""
         return self._fields["roll_deg"]
 
     @property
     def top_heading_deg(self) -> float | None:
         """Returns the compass direction from the centre of the photo to its top edge, seen from above: 0 is north, 90
-        is east; None if the query is not localized, or if no axis of the model is known to point up. If a drone's
-        camera looks down, top_heading_deg is usually the heading of the drone."""
+        is east; None as for heading_deg. If a drone's camera looks down, this is usually the heading of the drone."""
         return self._fields["top_heading_deg"]
 
     @property
     def heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of heading_deg; None if unknown. The maximum is 104 degrees, which means that
-        every direction is possible."""
+        """Returns the standard deviation of heading_deg; None if unknown; 104 degrees if every direction is
+        possible."""
         return self._fields["heading_stddev_deg"]
 
     @property
@@ -181,20 +177,18 @@ class Result:
 
     @property
     def roll_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of roll_deg; None if unknown. The maximum is 104 degrees, which means that
-        every angle is possible."""
+        """Returns the standard deviation of roll_deg; None if unknown; 104 degrees if every angle is possible."""
         return self._fields["roll_stddev_deg"]
 
     @property
     def top_heading_stddev_deg(self) -> float | None:
-        """Returns the standard deviation of top_heading_deg; None if unknown. The maximum is 104 degrees, which means
-        that every direction is possible."""
+        """Returns the standard deviation of top_heading_deg; None if unknown; 104 degrees if every direction is
+        possible."""
         return self._fields["top_heading_stddev_deg"]
 
     @property
     def inlier_mask(self) -> NDArray[np.bool_]:
-        """Returns an array with a value for each keypoint of the query: True if the keypoint observes a point in
-        `points`."""
+        """Returns, for each keypoint of the query, whether it observes a point in `points`."""
         mask = np.zeros(len(self.keypoints), np.bool_)
         mask[self.point_keypoints] = True
         return mask
@@ -210,9 +204,8 @@ class Result:
         return fields
 
     def as_pycolmap(self) -> PycolmapPose | None:
-        """Returns a dict with the keys that pycolmap's absolute pose estimators return (cam_from_world as a
-        pycolmap.Rigid3d, num_inliers, inlier_mask), and with the key covariance. Returns None if there is no pose.
-        Needs pycolmap."""
+        """Returns a dict as pycolmap's absolute pose estimators do (cam_from_world as a pycolmap.Rigid3d, num_inliers,
+        inlier_mask), with the covariance; None if there is no pose. Needs pycolmap."""
         pose = self.pose
         if pose is None:
             return None
