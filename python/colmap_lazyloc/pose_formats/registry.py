@@ -167,7 +167,7 @@ FORMATS: dict[str, Format] = {
         table.parse_reality_capture,
         table.is_reality_capture,
         Convention(TO_WORLD, "opengl", "yaw, pitch, roll", vector="centre"),
-        "as in the file; with --crs geographic, with headings from true north",
+        "as in the file; with --crs, geographic, and headings are from true north",
         "f (35 mm film), px, py, k1 to k3, t1, t2; needs --image_path",
         writer=Writer(
             file_of(table.reality_capture_text),
@@ -195,7 +195,7 @@ FORMATS: dict[str, Format] = {
         table.parse,
         lambda f: f.has("imagename", *table.ANGLES),
         Convention(TO_WORLD, "opengl", "omega, phi, kappa", vector="centre"),
-        "as in the file; with --crs geographic",
+        "as in the file; with --crs, geographic",
     ),
     "opensfm": Format(
         "OpenSfM, OpenDroneMap: reconstruction.json",
