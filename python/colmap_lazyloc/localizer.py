@@ -62,7 +62,7 @@ class Localizer:
         `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or a dict {name: (R, t, camera)} with all
         posed images. R and t are cam_from_world; R is a 3x3 matrix or a quaternion (w, x, y, z). For `camera`, see
         `localize_photo`. Instead of R and t, you can pass one pose, as in `localize_rig`: {name: (pose, camera)}.
-        `index`: the file of the retrieval index for photos, which is created or updated for the first photo.
+        `index`: the file of the retrieval index for photos, which the first photo creates or updates.
         `options`: options of the command line by name (see `list_options`), for example {"num_retrieved": 20},
         {"LazyLocalizer": {"num_retrieved": 20}} or {"LazyLocalizer.num_retrieved": 20}.
         """
