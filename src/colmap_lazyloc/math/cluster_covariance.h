@@ -28,18 +28,15 @@ class ClusterCovariance {
     independent_ += influence * influence.transpose();
   }
 
-  // Returns by how much clusters enlarge the covariance of the estimate, which is `covariance` for independent
-  // observations: nothing in directions in which the clusters scatter less. num_parameters: number of unknowns of the
-  // estimate, which make the influences of few clusters too small.
-  Matrix Excess(const Matrix& covariance, int num_parameters) const {
-    const auto num_clusters = static_cast<double>(clusters_.size());
-    const double degrees_of_freedom = std::max(num_clusters - num_parameters, num_clusters / kMaxSmallSampleFactor);
+  // Returns by how much errors of clusters enlarge the covariance of the estimate, which is `covariance` for
+  // independent observations: nothing in directions in which the clusters scatter less.
+  Matrix Excess(const Matrix& covariance) const {
     Matrix excess = -independent_;
     for (const auto& [index, cluster] : clusters_) {
       // Subtracts the cluster's share of the total, which is that of a prior: without one, the influences cancel out.
       const Vector deviation =
           cluster.influence - cluster.num_observations / total_.num_observations * total_.influence;
-      excess += num_clusters / degrees_of_freedom * deviation * deviation.transpose();
+      excess += deviation * deviation.transpose();
     }
     // Takes the positive part in units of the covariance, because the result must not depend on the parameters' units.
     const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix> solver(excess, covariance);
@@ -47,8 +44,15 @@ class ClusterCovariance {
     return root * solver.eigenvalues().cwiseMax(0).asDiagonal() * root.transpose();
   }
 
+  // Returns the factor on a covariance whose size the clusters tell, because the estimate makes the influences of few
+  // clusters too small. num_parameters: number of unknowns of the estimate.
+  double SmallSampleFactor(int num_parameters) const {
+    const auto num_clusters = static_cast<double>(clusters_.size());
+    return num_clusters / std::max(num_clusters - num_parameters, num_clusters / kMaxSmallSampleFactor);
+  }
+
  private:
-  // Maximum factor on the squares of the clusters' influences, because for few clusters there is no unbiased one.
+  // Maximum factor, because for few clusters there is no unbiased one.
   static constexpr double kMaxSmallSampleFactor = 3;
 
   struct Cluster {

@@ -16,6 +16,7 @@ struct MeanCovariances {
   Eigen::Matrix2d true_one = Eigen::Matrix2d::Zero();  // of the estimates
   Eigen::Matrix2d independent = true_one;              // as independent observations have it, mean over the trials
   Eigen::Matrix2d excess = true_one;                   // mean over the trials
+  double small_sample_factor = 0;
 };
 
 // Estimates the mean of observations with unit noise whose first coordinate has an error common to each cluster.
@@ -44,7 +45,8 @@ MeanCovariances EstimateMeans(int num_clusters, double common_stddev) {
     }
     covariances.true_one += mean * mean.transpose() / kNumTrials;
     covariances.independent += independent / kNumTrials;
-    covariances.excess += clusters.Excess(independent, 1) / kNumTrials;
+    covariances.excess += clusters.Excess(independent) / kNumTrials;
+    covariances.small_sample_factor = clusters.SmallSampleFactor(1);
   }
   return covariances;
 }
@@ -67,7 +69,7 @@ TEST(ClusterCovariance, IndependentObservationsHaveLittleExcess) {
 
 TEST(ClusterCovariance, FewClustersDoNotMakeItTooSmall) {
   const MeanCovariances covariances = EstimateMeans(/*num_clusters=*/4, /*common_stddev=*/1);
-  const Eigen::Matrix2d sum = covariances.independent + covariances.excess;
+  const Eigen::Matrix2d sum = covariances.small_sample_factor * (covariances.independent + covariances.excess);
   EXPECT_NEAR(sum(0, 0) / covariances.true_one(0, 0), 1, 0.25);
 }
 
@@ -83,23 +85,32 @@ TEST(ClusterCovariance, DoesNotDependOnUnits) {
     scaled.Add(i % 10, units.cwiseProduct(influence));
     independent += influence * influence.transpose();
   }
-  const Eigen::Matrix2d excess = clusters.Excess(independent, 2);
+  const Eigen::Matrix2d excess = clusters.Excess(independent);
   const Eigen::Matrix2d expected = units.asDiagonal() * excess * units.asDiagonal();
   const Eigen::Matrix2d covariance = units.asDiagonal() * independent * units.asDiagonal();
-  EXPECT_LE((scaled.Excess(covariance, 2) - expected).norm(), 1e-9 * expected.norm());
+  EXPECT_LE((scaled.Excess(covariance) - expected).norm(), 1e-9 * expected.norm());
+}
+
+TEST(ClusterCovariance, SmallSampleFactorIsBounded) {
+  ClusterCovariance<2> clusters;
+  const std::vector<double> factors = {3, 3, 3, 3, 5.0 / 2, 2, 7.0 / 4};  // of one to seven clusters
+  for (size_t i = 0; i < factors.size(); ++i) {
+    clusters.Add(static_cast<int>(i), {1, 0});
+    EXPECT_DOUBLE_EQ(clusters.SmallSampleFactor(3), factors[i]);
+  }
 }
 
 TEST(ClusterCovariance, OneClusterHasNone) {
   ClusterCovariance<2> clusters;
   for (const double sign : {1, -1}) clusters.Add(0, {sign, 2 * sign});
-  EXPECT_EQ(clusters.Excess(Eigen::Matrix2d::Identity(), 1), Eigen::Matrix2d::Zero());
+  EXPECT_EQ(clusters.Excess(Eigen::Matrix2d::Identity()), Eigen::Matrix2d::Zero());
 }
 
 TEST(ClusterCovariance, APriorIsNotAnErrorOfClusters) {
   // All observations pull alike, away from a prior.
   ClusterCovariance<2> clusters;
   for (int i = 0; i < 40; ++i) clusters.Add(i % 8, {1, 0.5});
-  EXPECT_EQ(clusters.Excess(Eigen::Matrix2d::Identity(), 1), Eigen::Matrix2d::Zero());
+  EXPECT_EQ(clusters.Excess(Eigen::Matrix2d::Identity()), Eigen::Matrix2d::Zero());
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/refs.h"
 #include "colmap_lazyloc/testing/sampled_covariance.h"
@@ -90,6 +91,18 @@ TEST(SharedErrors, AreSmallForIndependentNoise) {
   const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, LeastSquares());
   const Matrix6d sum = result.image_covariances[0] + result.image_shared_errors[0];
   for (int i = 0; i < 6; ++i) EXPECT_LE(sum(i, i), 3 * result.image_covariances[0](i, i)) << i;
+}
+
+TEST(SharedErrors, FewImagesAreASmallSampleOfErrorsOfUnknownSize) {
+  SyntheticTracks scene = MakePairs(1);
+  scene.posed.frames[1].prior = MakePosePrior(scene.posed.frames[1].frame_from_world, 1, {500, 10});
+  const auto factor = [&scene](int num_components) {
+    scene.posed.prior_groups = {{{1}, {}}};
+    scene.posed.prior_groups[0].components.resize(num_components, {Eigen::MatrixXd::Identity(1, 1), 1e-3});
+    return AdjustBundle(scene.posed, scene.tracks, LeastSquares()).intrinsics_scores[0].small_sample_factor;
+  };
+  EXPECT_EQ(factor(1), 1);  // of a known size
+  EXPECT_DOUBLE_EQ(factor(3), 11.0 / 8);
 }
 
 TEST(PoseCovariance, OneDatabaseImageLeavesTheDistanceUnobservable) {

@@ -199,7 +199,11 @@ class ScoreBuilder {
       score += of_patterns;
       scatter += of_patterns * of_patterns.transpose();
     }
-    score_.frame_shared_errors = of_frame.Excess(columns.template topRows<kSize>(), kNumClusterParameters);
+    const double factor = of_frame.SmallSampleFactor(kNumClusterParameters);
+    score_.frame_shared_errors = factor * of_frame.Excess(columns.template topRows<kSize>());
+    // Of errors whose sizes are estimated, priors have several components.
+    const bool is_size_known = posed_.prior_groups.empty() || posed_.prior_groups.front().components.size() == 1;
+    if (!is_size_known) score_.small_sample_factor = factor;
     const Eigen::CompleteOrthogonalDecomposition<PatternMatrix> solver(scatter);
     const double squares = score.dot(solver.solve(score)), num_squares = static_cast<double>(solver.rank());
     const double excess = std::max(squares - num_squares, 0.0);  // over the squares of independent errors

@@ -49,10 +49,13 @@ void AddUnobservableLine(const UnobservableLine& line, PoseDistribution* pose) {
 }  // namespace
 
 PoseDistribution DistributionOf(const Refined& refined, int query, const Rigid3d& cam_from_world) {
-  PoseDistribution::Matrix covariance = refined.variance_factor * refined.adjustment.image_covariances[query] +
-                                        refined.adjustment.image_shared_errors[query];
+  const BundleAdjustmentResult& adjustment = refined.adjustment;
+  const IntrinsicsScore& score = adjustment.intrinsics_scores[adjustment.posed.images[query].frame];
+  PoseDistribution::Matrix covariance =
+      score.small_sample_factor * refined.variance_factor * adjustment.image_covariances[query] +
+      adjustment.image_shared_errors[query];
   for (const auto& [group, component, variance] : refined.missing_variances) {
-    covariance += variance * refined.adjustment.prior_fits[group].component_covariances[component][query];
+    covariance += variance * adjustment.prior_fits[group].component_covariances[component][query];
   }
   PoseDistribution pose = MakePoseDistribution(cam_from_world, covariance);
   if (refined.unobservable_line) AddUnobservableLine(*refined.unobservable_line, &pose);

@@ -284,6 +284,7 @@ std::unique_ptr<UncertaintyInput> MakeUncertaintyInput(int num_database_images =
   adjustment.frame_covariances.assign(adjustment.posed.frames.size(), unknown);
   adjustment.image_covariances.assign(adjustment.posed.images.size(), unknown);
   adjustment.image_shared_errors.assign(adjustment.posed.images.size(), unknown);
+  adjustment.intrinsics_scores.resize(adjustment.posed.frames.size());
   for (const int query : {0, 1}) input->SetCovariance(query, 1e-6 * Eigen::Matrix<double, 6, 6>::Identity());
   return input;
 }
@@ -308,6 +309,16 @@ TEST(EstimateUncertainties, CovarianceIsThatOfTheAdjustmentTimesTheVarianceFacto
     EXPECT_LE((found - covariance).norm(), 1e-6 * covariance.norm());
     EXPECT_NEAR(poses[query].Spread().rotation_stddev_rad, 1e-3 * std::sqrt(input->VarianceFactor()), 1e-9);
   }
+}
+
+TEST(EstimateUncertainties, FewDatabaseImagesEnlargeTheCovariance) {
+  const auto input = MakeUncertaintyInput();
+  BundleAdjustmentResult& adjustment = input->refined.adjustment;
+  adjustment.image_shared_errors[1] = 1e-5 * Eigen::Matrix<double, 6, 6>::Identity();
+  adjustment.intrinsics_scores[1].small_sample_factor = 3;
+  const std::vector<PoseDistribution> poses = input->Estimate();
+  EXPECT_NEAR(poses[0].of_images(0, 0), 1e-6 * input->VarianceFactor(), 1e-12);
+  EXPECT_NEAR(poses[1].of_images(0, 0), 3 * 1e-6 * input->VarianceFactor() + 1e-5, 1e-12);
 }
 
 // Checks that the part of a prior is counted with the variance that the adjustment shows, not with that which it took
