@@ -62,7 +62,7 @@ class Localizer:
         `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or a dict {name: (R, t, camera)} with all
         posed images. R and t are cam_from_world; R is a 3x3 matrix or a quaternion (w, x, y, z). For `camera`, see
         `localize_photo`. Instead of R and t, you can pass one pose, as in `localize_rig`: {name: (pose, camera)}.
-        `index`: the file of the retrieval index for photos, which the first photo creates or updates.
+        `index`: the file of the retrieval index. The first photo that you localize creates or updates this file.
         `options`: options of the command line by name (see `list_options`), for example {"num_retrieved": 20},
         {"LazyLocalizer": {"num_retrieved": 20}} or {"LazyLocalizer.num_retrieved": 20}.
         """
@@ -142,8 +142,9 @@ class Localizer:
         height x width x 3 (RGB). The database must contain the descriptors of the posed images.
         `camera`: "MODEL width height params...", a dict with the keys model, width, height and params, or an object
         with these attributes, such as pycolmap.Camera. By default, the intrinsics come from a camera in the model with
-        the photo's size, from EXIF, or from a guess, and are corrected from the images.
-        `name`: the query's name, which also determines the random numbers; default: the path, or "photo".
+        the photo's size, else from EXIF, else from a guess, and are corrected from the images.
+        `name`: the query's name; default: the path of the file, or "photo" for an array. The name also determines the
+        random numbers of the localization.
         `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Photo(image, camera, name, position, gravity))
@@ -182,8 +183,8 @@ class Localizer:
     def localize_trajectory(self, images: Mapping[QueryT, PoseInput], *, has_scale: bool = True) -> dict[str, Result]:
         """Localizes images with known relative poses, for example from odometry or SLAM, as one rigid body.
 
-        `images`: {query: cam_from_world}, with the trajectory as world. For the types of queries and poses, see
-        `localize_rig`.
+        `images`: {query: cam_from_world}, with the poses in the trajectory's coordinates. For the types of queries and
+        poses, see `localize_rig`.
         `has_scale`: False if lengths in the trajectory are not in the model's unit; their scale is then estimated.
         """
         return self._localize_frame(images, None, has_scale=has_scale)

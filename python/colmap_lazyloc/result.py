@@ -48,7 +48,7 @@ class Result:
     keypoints: NDArray[np.float64]  # keypoints of the query, n x 2, x and y in pixels
     points: NDArray[np.float64]  # 3D points that the query observes, m x 3, in world coordinates
     point_keypoints: NDArray[np.int32]  # for each point, the index of the query keypoint that observes it
-    observations: NDArray[np.int32]  # k x 3, indices of: point, image in as_dict()["pairs"], keypoint of this image
+    observations: NDArray[np.int32]  # k x 3; row: indices of a point, an image in as_dict()["pairs"], and its keypoint
 
     def __init__(
         self,
@@ -149,19 +149,20 @@ class Result:
 
     @property
     def pitch_deg(self) -> float | None:
-        """Returns the angle of the optical axis above the horizon, from -90 to 90; None as for heading_deg."""
+        """Returns the angle of the optical axis above the horizon, from -90 to 90; None if heading_deg is None."""
         return self._fields["pitch_deg"]
 
     @property
     def roll_deg(self) -> float | None:
         """Returns the rotation about the optical axis, from -180 to 180, positive if the photo's right side is lower;
-        None as for heading_deg."""
+        None if heading_deg is None."""
         return self._fields["roll_deg"]
 
     @property
     def top_heading_deg(self) -> float | None:
         """Returns the compass direction from the centre of the photo to its top edge, seen from above: 0 is north, 90
-        is east; None as for heading_deg. If a drone's camera looks down, this is usually the heading of the drone."""
+        is east; None if heading_deg is None. If a drone's camera looks down, this is usually the heading of the
+        drone."""
         return self._fields["top_heading_deg"]
 
     @property

@@ -114,7 +114,7 @@ FORMATS: dict[str, Format] = {
         transforms_json.parse,
         lambda f: f.json("frames"),
         Convention(TO_WORLD, "opengl", "matrix"),
-        cameras="fl_x, fl_y, cx, cy, w, h, camera_angle_x, k1 to k6, p1, p2, camera_model; for all or for each frame",
+        cameras="fl_x, fl_y, cx, cy, w, h, camera_angle_x, k1 to k6, p1, p2, camera_model; once, or for each frame",
         writer=Writer(file_of(transforms_json.text), cameras=transforms_json.HOLDS),
     ),
     "arkit": _trajectory(
@@ -167,12 +167,12 @@ FORMATS: dict[str, Format] = {
         table.parse_reality_capture,
         table.is_reality_capture,
         Convention(TO_WORLD, "opengl", "yaw, pitch, roll", vector="centre"),
-        "as in the file; with --crs, geographic, and headings are from true north",
+        "as in the file; with --crs, geographic",
         "f (35 mm film), px, py, k1 to k3, t1, t2; needs --image_path",
         writer=Writer(
             file_of(table.reality_capture_text),
             World.GRID,
-            "image sizes, folders in photo names",
+            "folders in photo names, image sizes",
             table.REALITY_CAPTURE_HOLDS,
         ),
     ),
@@ -185,7 +185,7 @@ FORMATS: dict[str, Format] = {
         writer=Writer(
             xmp.write,
             World.MODEL,
-            "image sizes, extensions in photo names",
+            "extensions in photo names, image sizes",
             table.REALITY_CAPTURE_HOLDS,
             folder=rf".*{re.escape(xmp.ENDING)}",
         ),
@@ -239,7 +239,7 @@ FORMATS: dict[str, Format] = {
         bundler.parse_nvm,
         lambda f: f.starts("NVM_V3"),
         Convention(FROM_WORLD, vector="centre"),
-        cameras="FixedK; without it, focal length and distortion, with the principal point in the middle",
+        cameras="from FixedK; in a file without FixedK, focal length and distortion (principal point in the middle)",
     ),
     "cambridge": Format(
         "Cambridge Landmarks: the folder of a scene, or dataset_train.txt",
