@@ -39,8 +39,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--output",
         type=pathlib.Path,
-        help="page to write; with --split, folder to write. If RUN is the output folder of `lazyloc run`, the default is "
-        "RUN/report.html; with --split, the folder RUN/report",
+        help="page to write; with --split, folder to write. If RUN is the output folder of `lazyloc run`, the default "
+        "is RUN/report.html; with --split, the folder RUN/report",
     )
     parser.add_argument(
         "--image_path",
@@ -86,8 +86,8 @@ def _add_bounds(parser: argparse.ArgumentParser) -> None:
         "--max_num_images",
         type=_count,
         default=80,
-        help="maximum number of queries whose photo and matches are on the page: three quarters are the queries with the "
-        "lowest confidence, one quarter is random; default: %(default)s",
+        help="maximum number of queries whose photo and matches are on the page: three quarters are the queries with "
+        "the lowest confidence, one quarter is random; default: %(default)s",
     )
     parser.add_argument(
         "--max_num_points",
