@@ -220,8 +220,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--query_list_path",
         type=pathlib.Path,
         help="file with the queries to evaluate, one per line: `name` or `name MODEL width height params...`; default: "
-        "all names in the ground-truth file; with a model as ground truth, the queries of the run that are in the "
-        "model, or all images with an estimated pose if there is no results.jsonl",
+        "all names in the ground-truth file. If the ground truth is a model: the queries of the run that are in the "
+        "model; without results.jsonl, all images with an estimated pose",
     )
     parser.add_argument(
         "--thresholds",

@@ -133,7 +133,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--splat_px",
         type=int,
         default=1,
-        help="a point also sets the depth of all pixels up to this distance, in pixels; default: 1",
+        help="a point also sets the depth of the pixels around it, up to this distance in pixels; default: 1",
     )
     return parser.parse_args(arguments)
 
