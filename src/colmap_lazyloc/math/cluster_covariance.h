@@ -28,6 +28,8 @@ class ClusterCovariance {
     independent_ += influence * influence.transpose();
   }
 
+  size_t NumClusters() const { return clusters_.size(); }
+
   // Returns by how much errors of clusters enlarge the covariance of the estimate, which is `covariance` for
   // independent observations: nothing in directions in which the clusters scatter less.
   Matrix Excess(const Matrix& covariance) const {
@@ -45,7 +47,7 @@ class ClusterCovariance {
   }
 
   // Returns the factor on a covariance whose size the clusters tell, because the estimate makes the influences of few
-  // clusters too small. num_parameters: number of unknowns of the estimate.
+  // clusters too small. num_parameters: number of unknowns of the estimate. There must be a cluster.
   double SmallSampleFactor(int num_parameters) const {
     const auto num_clusters = static_cast<double>(clusters_.size());
     return num_clusters / std::max(num_clusters - num_parameters, num_clusters / kMaxSmallSampleFactor);

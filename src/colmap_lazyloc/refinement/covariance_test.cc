@@ -96,13 +96,15 @@ TEST(SharedErrors, AreSmallForIndependentNoise) {
 TEST(SharedErrors, FewImagesAreASmallSampleOfErrorsOfUnknownSize) {
   SyntheticTracks scene = MakePairs(1);
   scene.posed.frames[1].prior = MakePosePrior(scene.posed.frames[1].frame_from_world, 1, {500, 10});
-  const auto factor = [&scene](int num_components) {
-    scene.posed.prior_groups = {{{1}, {}}};
+  const auto factor = [&scene](int num_components, double exact_probability) {
+    scene.posed.prior_groups = {{{1}, {}, exact_probability}};
     scene.posed.prior_groups[0].components.resize(num_components, {Eigen::MatrixXd::Identity(1, 1), 1e-3});
     return AdjustBundle(scene.posed, scene.tracks, LeastSquares()).intrinsics_scores[0].small_sample_factor;
   };
-  EXPECT_EQ(factor(1), 1);  // of a known size
-  EXPECT_DOUBLE_EQ(factor(3), 11.0 / 8);
+  EXPECT_EQ(factor(1, 0), 1);  // of a known size
+  EXPECT_DOUBLE_EQ(factor(3, 0), 11.0 / 8);
+  EXPECT_DOUBLE_EQ(factor(3, 0.75), 1 + 0.25 * 3 / 8);
+  EXPECT_DOUBLE_EQ(factor(3, 1), 1);
 }
 
 TEST(PoseCovariance, OneDatabaseImageLeavesTheDistanceUnobservable) {

@@ -188,27 +188,35 @@ class ScoreBuilder {
         score_.information.topLeftCorner<kNumTestedIntrinsics, kNumTestedIntrinsics>().ldlt().solve(
             score_.score.head<kNumTestedIntrinsics>());
     ClusterCovariance<kSize> of_frame;
+    bool has_depths = false;
     Pattern score = Pattern::Zero();
     PatternMatrix scatter = PatternMatrix::Zero();
     const PatternFromColumns pattern_from_columns = EliminateCorrections();
     for (const size_t track : tracks) {
       const std::optional<TrackInfluence> influence = Influence(track, columns, poses_from_correction, correction);
+      has_depths |= !influence;
       if (!influence) continue;
       of_frame.Add(Cluster(tracks_[track]), influence->frame);
       const Pattern of_patterns = pattern_from_columns * influence->score;
       score += of_patterns;
       scatter += of_patterns * of_patterns.transpose();
     }
-    const double factor = of_frame.SmallSampleFactor(kNumClusterParameters);
-    score_.frame_shared_errors = factor * of_frame.Excess(columns.template topRows<kSize>());
-    // Of errors whose sizes are estimated, priors have several components.
-    const bool is_size_known = posed_.prior_groups.empty() || posed_.prior_groups.front().components.size() == 1;
-    if (!is_size_known) score_.small_sample_factor = factor;
+    if (of_frame.NumClusters() > 0) {
+      const double factor = of_frame.SmallSampleFactor(kNumClusterParameters);
+      score_.frame_shared_errors = factor * of_frame.Excess(columns.template topRows<kSize>());
+      if (!has_depths) score_.small_sample_factor += EstimatedErrorProbability() * (factor - 1);
+    }
     const Eigen::CompleteOrthogonalDecomposition<PatternMatrix> solver(scatter);
     const double squares = score.dot(solver.solve(score)), num_squares = static_cast<double>(solver.rank());
     const double excess = std::max(squares - num_squares, 0.0);  // over the squares of independent errors
     score_.common_error_factor =
         std::max(1.0, (kCommonErrorFactor + squares + kExcessWeight * excess) / (1 + num_squares));
+  }
+
+  // Returns the probability that the database poses have errors, if the sizes of these errors are estimated.
+  double EstimatedErrorProbability() const {
+    if (posed_.prior_groups.empty() || posed_.prior_groups.front().components.size() == 1) return 0;  // known sizes
+    return 1 - posed_.prior_groups.front().exact_probability;
   }
 
   // Returns what makes the equations of the patterns from those of all columns. A focal length that is estimated has

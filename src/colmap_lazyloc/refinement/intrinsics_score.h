@@ -39,7 +39,7 @@ struct IntrinsicsScore {
   // 7x7 with the factor (ClusterCovariance). Tracks with depths do not count.
   Eigen::MatrixXd frame_shared_errors;
   // Factor on the covariance without shared errors: few database images tell the sizes of their errors poorly. 1 if
-  // these sizes are known.
+  // these sizes are known, or if the frame has tracks with depths.
   double small_sample_factor = 1;
   // Derivatives of the tangent of frame_from_world, and of the frame's factor, with respect to the corrections.
   Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS> frame_from_correction =
