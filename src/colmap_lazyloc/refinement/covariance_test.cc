@@ -59,7 +59,7 @@ TEST(SharedErrors, AddTheSpreadThatShiftedPairsCause) {
   for (int trial = 0; trial < num_trials; ++trial) {
     std::vector<Eigen::Vector2d> shifts;
     for (size_t image = 0; image < exact.size(); ++image) {
-      shifts.push_back(shift_px * RandomVector(&random).head<2>());
+      shifts.emplace_back(shift_px * RandomVector(&random).head<2>());
     }
     std::vector<Track> tracks = truth.tracks;
     for (Track& track : tracks) {
