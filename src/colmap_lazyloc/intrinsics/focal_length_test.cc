@@ -144,6 +144,22 @@ SyntheticScene MakePlanarScene(double angle_deg, uint32_t seed) {
   return scene;
 }
 
+// Two database images do not show the errors of their poses, which a focal length explains.
+TEST(FocalLength, NeedsThreeDatabaseImages) {
+  SyntheticSceneOptions options;
+  for (options.num_database_images = 2; options.num_database_images < 4; ++options.num_database_images) {
+    const SyntheticScene scene = MakeScene(options, 1);
+    EXPECT_EQ(LocalizeQuery(scene.problem, LocalizerOptions()).status, QueryStatus::LOCALIZED);
+    const LocalizationResult result = LocalizeQuery(scene.problem, Seeking());
+    if (options.num_database_images == 3) {
+      EXPECT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+      continue;
+    }
+    EXPECT_EQ(result.status, QueryStatus::UNKNOWN_CAMERA) << result.reason;
+    EXPECT_THAT(result.reason, testing::HasSubstr("fewer than three database images"));
+  }
+}
+
 // The image of a plane that faces the query fits any focal length at some distance.
 TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceUnobservable) {
   for (uint32_t seed = 0; seed < 10; ++seed) {

@@ -24,8 +24,16 @@ namespace {
 constexpr double kMaxLogFocalStddev = 0.1;
 constexpr double kMinFocalFactor = 0.25;
 
+// Minimum number of database frames that show a focal length: two do not show the errors of their poses, which the
+// focal length then explains.
+constexpr size_t kMinNumFrames = 3;
+
 // Standard deviation of the logs of the database's focal lengths above which its cameras had different lenses.
 constexpr double kMaxStddevOfOneLens = 0.15;
+
+constexpr char kTooFewFramesReason[] =
+    "nobody has stated the focal length, and fewer than three database images agree with the pose: they do not show "
+    "whether the focal length or a database pose is wrong";
 
 using PoseDerivatives = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 
@@ -41,6 +49,16 @@ IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, double varia
   estimate.log_focal_stddev = std::sqrt(variance_factor / information);
   estimate.common_error_factor = score.common_error_factor;
   return estimate;
+}
+
+size_t NumDatabaseFrames(const BundleAdjustmentResult& adjustment) {
+  std::set<int> frames;
+  for (const Track& track : adjustment.tracks) {
+    for (const TrackObservation& element : track.observations) {
+      if (adjustment.posed.IsDatabase(element.image)) frames.insert(adjustment.posed.images[element.image].frame);
+    }
+  }
+  return frames.size();
 }
 
 // Returns the variance of the mean of the logs of the database images' focal lengths, if no two are the same. Then
@@ -78,6 +96,9 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   checked.information.resize(layout.num_queries);
   checked.poses = std::move(poses);
   checked.posed = RelativeToGivenDatabase(layout, adjusted);
+  if (camera && NumDatabaseFrames(refined.adjustment) < kMinNumFrames) {
+    throw Failure{QueryStatus::UNKNOWN_CAMERA, kTooFewFramesReason};
+  }
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
     // Not zero, if the data are exact.
