@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"lazyloc {colmap_lazyloc.__version__}")
         return 0
     if name not in COMMANDS:
-        raise InputError(f"unknown command '{name}'{nearest(name, COMMANDS)}")
+        raise InputError(f"unknown command '{name}'{nearest(name, COMMANDS) or ' (lazyloc --help)'}")
     try:
         module = importlib.import_module(f"colmap_lazyloc.{COMMANDS[name][0]}")
     except ImportError as error:

@@ -133,6 +133,7 @@ class Parser(argparse.ArgumentParser):
         if choice:
             near = nearest(choice[1], re.findall(r"'([^']*)'", choice[2]))
             message = message.partition(" (choose")[0] + (near or f"; choose from {choice[2]}")
+        message = re.sub("invalid (int|float) value:", "expected a number, found", message)
         raise InputError(message.removeprefix("argument ") + f" ({self.prog} --help)")
 
     def _known_spelling(self, word: str) -> str:
@@ -151,7 +152,10 @@ class Parser(argparse.ArgumentParser):
             if not word.startswith("--") or name in known or self._is_foreign(name.removeprefix("--")):
                 continue
             if not self.allow_abbrev or not any(other.startswith(name) for other in known):
-                raise InputError(f"unknown option {name}{nearest(name, known)}")
+                # The dashes must not make short names look alike.
+                near = nearest(name.removeprefix("--"), (other.removeprefix("--") for other in known))
+                hint = near.replace("is ", "is --", 1) or f" ({self.prog} --help)"
+                raise InputError(f"unknown option {name}{hint}")
 
 
 def first_names(names: Sequence[str], count: int) -> str:

@@ -109,14 +109,25 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         "--poses, --control_points must first place the model",
     )
     _add_more(parser)
-    options, words = parser.parse_known_args(join_values(arguments))
+    given = join_values(arguments)
+    options, words = parser.parse_known_args(given)
     is_value = False  # of an option
     for word in words:
         is_option = word.startswith("--")
         if not is_option and not is_value:
-            raise InputError(f"unknown option {word}")
+            raise InputError(_unexpected(word, given))
         is_value = is_option and "=" not in word
     return options, words
+
+
+def _unexpected(word: str, given: Sequence[str]) -> str:
+    """Returns what is wrong with a word that is no option and no value: often one of several photos."""
+    before = [other.partition("=")[0] for other in given[: given.index(word)] if other.startswith("--")]
+    if not before:
+        return f"unexpected word {word}"
+    is_of_photos = before[-1] in ("--database_images", "--queries")
+    advice = "; to pass several photos, pass their folder" if is_of_photos else ""
+    return f"unexpected word {word}: {before[-1]} takes one value{advice}"
 
 
 def _add_more(parser: argparse.ArgumentParser) -> None:
