@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import os
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -146,6 +147,22 @@ def test_head_names_versions_inputs_and_changed_options(run_path, page):
     assert summary["options"][0] == {"name": "LazyLocalizer.seed", "value": "7"}
     assert (summary["numQueries"], summary["numDatabaseImages"], summary["numPoints"]) == (30, 40, 3000)
     assert (summary["hasTruth"], summary["isLeaveOneOut"], summary["minConfidence"]) == (True, False, 0.94)
+
+
+def test_up_in_geographic_and_aligned_coordinates_is_z(run_path, page, tmp_path):
+    """Most photos of a drone look down, so their axes do not show what is up."""
+    folder = tmp_path / "run"
+    shutil.copytree(run_path, folder)
+    assert page.scene["up"] != [0, 0, 1]
+    (folder / "positions.geojson").write_text("{}")
+    assert make_page(folder, tmp_path / "geographic.html").scene["up"] == [0, 0, 1]
+    (folder / "positions.geojson").unlink()
+    options = (folder / "options.ini").read_text()
+    (folder / "options.ini").write_text(re.sub("(?m)^input_path=.*", f"input_path={tmp_path}", options))
+    (tmp_path / "alignment.txt").write_text("aligned to 5 control points\n")
+    assert make_page(folder, tmp_path / "aligned.html").scene["up"] == [0, 0, 1]
+    (tmp_path / "arbitrary_axes.txt").touch()
+    assert make_page(folder, tmp_path / "scaled.html").scene["up"] == page.scene["up"]
 
 
 def test_lengths_are_in_metres_only_if_that_is_known(run_path, page, tmp_path):

@@ -60,9 +60,8 @@ class Survey:
     def align(self, positions, accuracy_m=None):
         places = ORIGIN.to_geodetic(np.array(positions, float))
         gps = [GpsPosition(f"database/{i:02}.jpg", *place, 5.0, accuracy_m) for i, place in enumerate(places.tolist())]
-        return align_to_positions(
-            self.folder, ColmapRunner(self.folder.log), self.colmap, self.source, in_local_frame(gps)
-        )
+        runner = ColmapRunner(self.folder.log)
+        return "\n".join(align_to_positions(self.folder, runner, self.colmap, self.source, in_local_frame(gps)))
 
     def similarity(self):
         """Returns the angle in degrees by which the model is turned, that by which it is tilted, and the ratio of its
@@ -196,22 +195,22 @@ def inward(count, radius):
     ]
 
 
-def test_cameras_say_where_up_is_if_gps_does_not(tmp_path, colmap, caplog):
+def test_cameras_say_where_up_is_if_gps_does_not(tmp_path, colmap):
     place = Survey(tmp_path, colmap, *inward(24, radius=3))
     text = place.align(place.centres + wander(np.random.default_rng(9), 24, stddev_m=2, length=8), accuracy_m=5)
     degrees, ratio = stated(text)
     turn_deg, tilt_deg, scale = place.similarity()
     assert "and to the vertical of the cameras: " in text and tilt_deg < 3
     assert turn_deg < 3 * degrees and abs(scale - 1) < 3 * ratio
-    (line,) = caplog.messages
+    _, line = text.splitlines()
     assert re.search(r"known to \d+ degrees, and lengths to \d+ %, because the photos with GPS are within \d", line)
     assert "--control_points" in line and "--scale" in line
 
 
-def test_good_gps_says_where_up_is(tmp_path, colmap, caplog):
+def test_good_gps_says_where_up_is(tmp_path, colmap):
     place = Survey(tmp_path, colmap, *inward(24, radius=30))
     text = place.align(place.centres + 0.02 * np.random.default_rng(9).standard_normal((24, 3)), accuracy_m=0.03)
-    assert "vertical" not in text and place.similarity()[0] < 0.1 and not caplog.messages
+    assert "vertical" not in text and place.similarity()[0] < 0.1 and "\n" not in text
 
 
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])
@@ -552,7 +551,11 @@ def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys)
         assert np.linalg.norm(pose.cam_in_world - photos.poses[name].cam_in_world) < 0.05
     table.write_text("\n".join(rows))  # as COLMAP's model_aligner takes them
     courtyard("--poses", table)
-    assert re.search(r"only known to \d+ degrees, .*errors of 1 m \(assumed\) are too large", capsys.readouterr().err)
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "only known to" in line)
+    assert re.search(r"only known to \d+ degrees, .*errors of 1 m \(assumed\) are too large", line)
+    warning = ReportPage(output / "report.html").summary["warnings"][0]
+    assert warning["title"] == "Orientation or lengths are inaccurate"
+    assert warning["items"][0]["text"] == line.removeprefix("lazyloc run: ")
     table.write_text("\n".join(rows[:2]))
     courtyard("--poses", table, exit_code=1)
     assert "--poses: only 2 of its photos have positions" in capsys.readouterr().err

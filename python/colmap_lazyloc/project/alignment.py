@@ -92,11 +92,12 @@ def align_to_positions(
     colmap: pathlib.Path,
     source: pathlib.Path,
     positions: Positions,
-) -> str:
+) -> list[str]:
     """Writes the model `source` as that of the project, in the coordinates of the positions, with geo.json if these are
     geographic.
 
-    Returns what the alignment has found. Raises NotAlignedError if the positions do not determine it.
+    Returns what the alignment has found, and what is inaccurate. Raises NotAlignedError if the positions do not
+    determine it.
     """
     poses, title = poses_of(read_model(source)), positions.title
     used = [photo for photo in positions.photos if photo.name in poses]
@@ -143,26 +144,21 @@ def align_to_positions(
         text += " and to the vertical of the cameras"
     if errors.rotation_deg > MAX_ROTATION_STDDEV_DEG:
         raise _open_orientation(what, assumed)
-    _warn_if_inaccurate(fit, errors, what, assumed)
     if positions.origin is not None:
         positions.origin.write(folder.model)
-    return fit.text(text, errors)
+    return [fit.text(text, errors), *_inaccurate(fit, errors, what, assumed)]
 
 
-def _warn_if_inaccurate(fit: Fit, errors: AlignmentErrors, what: str, assumed: str) -> None:
-    """Warns of an orientation or a scale that positions determine badly; words as of `_open_orientation`."""
+def _inaccurate(fit: Fit, errors: AlignmentErrors, what: str, assumed: str) -> list[str]:
+    """Returns a warning if positions determine the orientation or the scale badly; words as of `_open_orientation`."""
     if errors.rotation_deg <= GOOD_ROTATION_STDDEV_DEG and errors.scale_percent <= GOOD_SCALE_STDDEV_PERCENT:
-        return
-    logger.warning(
-        "the orientation of the model is only known to %.0f degrees, and lengths to %.0f %%, because the %s are within "
-        "%.2g m, and errors%s are too large for this: photos of a larger area help, or --control_points, or, for "
-        "lengths, --scale",
-        errors.rotation_deg,
-        errors.scale_percent,
-        what,
-        np.linalg.norm(np.ptp(fit.centres, axis=0)),
-        assumed,
-    )
+        return []
+    extent = np.linalg.norm(np.ptp(fit.centres, axis=0))
+    return [
+        f"the orientation of the model is only known to {errors.rotation_deg:.0f} degrees, and lengths to "
+        f"{errors.scale_percent:.0f} %, because the {what} are within {extent:.2g} m, and errors{assumed} are too "
+        "large for this: photos of a larger area help, or --control_points, or, for lengths, --scale"
+    ]
 
 
 def check_marks(control: ControlPoints, photos: Iterable[str], source: pathlib.Path) -> None:
@@ -180,7 +176,7 @@ def check_marks(control: ControlPoints, photos: Iterable[str], source: pathlib.P
 
 def align_to_points(
     folder: Folder, runner: ColmapRunner, colmap: pathlib.Path, source: pathlib.Path, control: ControlPoints
-) -> str:
+) -> list[str]:
     """Writes the model `source` as that of the project, in the coordinates of control points that are marked in its
     photos, with geo.json if these are geographic; otherwise as `align_to_positions`."""
     import pycolmap
@@ -225,7 +221,7 @@ def align_to_points(
     transform(folder, runner, colmap, source, numbers.tolist())
     if origin is not None:
         origin.write(folder.model)
-    return fit.text(f"{len(places)} control points", errors)
+    return [fit.text(f"{len(places)} control points", errors)]
 
 
 def _fit(align: Callable[[float], Array | None], targets: Array, stddev: float | None, title: str) -> Fit | None:

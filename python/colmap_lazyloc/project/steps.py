@@ -308,12 +308,12 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None, fo
     is_level = not isinstance(known, Distance)
     try:
         if isinstance(known, Distance):
-            text = scale_to_distance(folder, project.runner, project.colmap, largest, known)
+            lines = [scale_to_distance(folder, project.runner, project.colmap, largest, known)]
         elif isinstance(known, ControlPoints):
-            text = align_to_points(folder, project.runner, project.colmap, largest, known)
+            lines = align_to_points(folder, project.runner, project.colmap, largest, known)
         else:
             positions = known or _gps_of_photos(project.folder, used)
-            text = align_to_positions(folder, project.runner, project.colmap, largest, positions)
+            lines = align_to_positions(folder, project.runner, project.colmap, largest, positions)
     except NotAlignedError as error:
         if known is not None:
             option = "control_points" if isinstance(known, ControlPoints) else "poses"
@@ -323,8 +323,10 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None, fo
         shutil.copytree(largest, folder.model)
         logger.warning("lengths are in units of the model, because %s; --scale gives metres", error)
     else:
-        logger.info(text)
-        (folder.model / ALIGNMENT).write_text(f"{text}\n", encoding="utf-8")
+        logger.info(lines[0])
+        for line in lines[1:]:
+            logger.warning(line)
+        (folder.model / ALIGNMENT).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     if not is_level:
         text = "No axis of this model is known to point up, so results have no heading, pitch and roll."
         (folder.model / ARBITRARY_AXES).write_text(f"{text}\n", encoding="utf-8")

@@ -9,7 +9,6 @@ from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.progress import progress
-from colmap_lazyloc.project.folder import ALIGNMENT
 from colmap_lazyloc.queries import read_queries, read_query_lines
 from colmap_lazyloc.report import photos
 from colmap_lazyloc.report.chunk import pack
@@ -126,9 +125,8 @@ def _frames(database: DatabaseReader | None, gaps: Gaps) -> list[list[str]]:
 def _notes(run: Run, sources: Sources, num_shown: dict[str, int], has_list: bool) -> list[str]:
     """Returns where metres come from, and what is missing in the page and why."""
     notes = []
-    alignment = pathlib.Path(run.options.values.get("input_path", ""), ALIGNMENT)
-    if alignment.is_file():
-        notes.append(f"The coordinates of the database images are {alignment.read_text(encoding='utf-8').strip()}.")
+    if run.alignment:
+        notes.append(f"The coordinates of the database images are {run.alignment[0]}.")
     if sources.image_path is None:
         notes.append("There are no photos, because --image_path was not given to the report.")
     elif len(run.queries) > sources.max_num_images:

@@ -15,7 +15,7 @@ from colmap_lazyloc.model import Image, Model, poses_of, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose, pose_errors
 from colmap_lazyloc.progress import progress
-from colmap_lazyloc.project.folder import LOCALIZED
+from colmap_lazyloc.project.folder import ALIGNMENT, ARBITRARY_AXES, LOCALIZED
 from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 from colmap_lazyloc.report.geometry import stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
@@ -98,6 +98,22 @@ class Run:
         return {image.name: i for i, image in enumerate(self.database_images)}
 
     @property
+    def alignment(self) -> list[str]:
+        """Returns where the metres of the mapper's model come from, and what is inaccurate; empty for other models."""
+        path = self._input_model / ALIGNMENT
+        return path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+
+    @property
+    def is_level(self) -> bool:
+        """True if the z axis is known to point up."""
+        is_aligned = bool(self.alignment) and not (self._input_model / ARBITRARY_AXES).is_file()
+        return is_aligned or _is_geographic(self.path)
+
+    @property
+    def _input_model(self) -> pathlib.Path:
+        return pathlib.Path(self.options.values.get("input_path", ""))
+
+    @property
     def written(self) -> str:
         """Returns when the run was written, ISO 8601."""
         seconds = (self.path / RESULTS).stat().st_mtime
@@ -163,7 +179,11 @@ def _places_before(path: pathlib.Path, results: Mapping[str, ResultFields]) -> d
 
 def unit_of(path: pathlib.Path, unit: str | None) -> str:
     """Returns the unit of a run's lengths: the given one, or metres if the run has geographic coordinates."""
-    return unit or (METRE if (path / "positions.geojson").is_file() else MODEL_UNITS)
+    return unit or (METRE if _is_geographic(path) else MODEL_UNITS)
+
+
+def _is_geographic(path: pathlib.Path) -> bool:
+    return (path / "positions.geojson").is_file()
 
 
 def _certainty(result: ResultFields) -> tuple[bool, bool, float, float, str]:

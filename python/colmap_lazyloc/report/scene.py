@@ -31,7 +31,7 @@ def scene_chunk(
         "origin": origin.tolist(),
         "size": size,
         "frustumDepth": _frustum_depth(database_centres, size, len(images) + len(run.queries)),
-        "up": _up(database_qvecs),
+        "up": [0.0, 0.0, 1.0] if run.is_level else _up(database_qvecs),
         "databaseNames": [image.name for image in images],
     }
     epoch_values, epoch = epoch_arrays(run, origin, size)

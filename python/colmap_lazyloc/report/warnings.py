@@ -59,6 +59,7 @@ def find_warnings(run: Run, size: float, database: DatabaseReader | None, gaps: 
     )
     found = [
         _changes(run),
+        _inaccurate_alignment(run),
         _contradicted_poses(run, database),
         *(find(run) for find in finders),
         _same_place(run, size),
@@ -89,6 +90,13 @@ def _changes(run: Run) -> tuple[str, str, list[Item]]:
         items.append(_item(change["kind"], seen[0] if seen else -1, text))
     explanation = "Photos of both epochs contradict each other there. The lines in the scene show where."
     return "Things that have moved, vanished or are new", explanation, items
+
+
+def _inaccurate_alignment(run: Run) -> tuple[str, str, list[Item]]:
+    """Passes on what the alignment of the mapper's model has warned of."""
+    explanation = "The standard deviations of the queries do not include this error of the coordinates."
+    items = [_item("all images:", -1, line) for line in run.alignment[1:]]
+    return "Orientation or lengths are inaccurate", explanation, items
 
 
 def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str, str, list[Item]]:
