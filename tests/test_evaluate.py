@@ -179,6 +179,24 @@ def test_lost_queries_of_a_run_count_against_a_model(write, run, tmp_path, estim
     assert "compared        1\n" in out and "localized" not in out, "it is unknown how many queries there were"
 
 
+@pytest.mark.parametrize("truth_of", ["file", "model"])
+def test_true_poses_may_have_the_names_of_the_photos(write, run, fails, tmp_path, truth_of):
+    """`lazyloc run` puts query/ in front of the names of photos."""
+    lines = [pose_line(name) for name in ("a", "b")]
+    truth = write("truth.txt", "".join(lines)) if truth_of == "file" else write_model(write, "model", lines)
+    write("run/poses.txt", pose_line("query/a", CENTRE + [0.2, 0, 0]))
+    write_results(write, "run/results.jsonl", {"query/a": "LOCALIZED", "query/b": "NO_PAIRS"})
+    figures, out = run(str(tmp_path / "run"), "--ground_truth", truth)
+    assert list(figures["queries"]) == ["query/a", "query/b"] and "localized       1 of 2" in out
+    assert figures["median_position_error"] == pytest.approx(0.2, abs=1e-9)
+    queries = write("queries.txt", "a\n")
+    figures, _ = run(str(tmp_path / "run"), "--ground_truth", truth, "--query_list_path", queries)
+    assert list(figures["queries"]) == ["query/a"]
+    write("run/poses.txt", pose_line("other/a"))
+    write_results(write, "run/results.jsonl", {"other/a": "LOCALIZED"})
+    assert "run: " in fails(str(tmp_path / "run"), "--ground_truth", truth)
+
+
 def test_a_model_with_geographic_coordinates_is_in_metres(write, run):
     truth = write_model(write, "model", [pose_line("a")])
     estimated = write("estimated.txt", pose_line("a", CENTRE + [0.2, 0, 0]))

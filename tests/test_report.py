@@ -149,6 +149,16 @@ def test_head_names_versions_inputs_and_changed_options(run_path, page):
     assert (summary["hasTruth"], summary["isLeaveOneOut"], summary["minConfidence"]) == (True, False, 0.94)
 
 
+def test_true_poses_may_have_the_names_of_the_photos(run_path, page, tmp_path):
+    """`lazyloc run` puts query/ in front of the names of photos."""
+    name = next(name for name, result in read_results(run_path / "results.jsonl").items() if pose_of(result))
+    true_pose = read_model(run_path / "truth").images[name].pose
+    (tmp_path / "truth.txt").write_text(f"{name.removeprefix('query/')} {true_pose.text()}\n")
+    named = make_page(run_path, tmp_path / "named.html", "--ground_truth", tmp_path / "truth.txt")
+    errors = [shown.queries["positionError"][shown.index(name)] for shown in (named, page)]
+    assert name.startswith("query/") and errors[0] == pytest.approx(errors[1])
+
+
 def test_up_in_geographic_and_aligned_coordinates_is_z(run_path, page, tmp_path):
     """Most photos of a drone look down, so their axes do not show what is up."""
     folder = tmp_path / "run"

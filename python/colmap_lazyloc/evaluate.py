@@ -21,7 +21,7 @@ from colmap_lazyloc.errors import InputError, Parser, command, logger
 from colmap_lazyloc.model import ModelLike, poses_of, read_model
 from colmap_lazyloc.poses import Pose, PoseLike, read_poses
 from colmap_lazyloc.queries import read_queries
-from colmap_lazyloc.results import RESULTS, find_run, read_results
+from colmap_lazyloc.results import RESULTS, find_run, read_results, under_names_of
 
 # The thresholds of visuallocalization.net, in metres and degrees.
 DEFAULT_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
@@ -114,11 +114,12 @@ def summarize(errors: Errors, thresholds: Sequence[tuple[float, float]] = DEFAUL
 
 
 def choose_queries(
-    estimated: Collection[str], truth: Collection[str], options: argparse.Namespace
+    estimated: Collection[str], queries: set[str] | None, truth: Collection[str], options: argparse.Namespace
 ) -> tuple[list[str], bool]:
-    """Returns the names of the queries to evaluate, and whether those without an estimated pose are among them."""
+    """Returns the names of the queries to evaluate, and whether those without an estimated pose are among them;
+    `queries`: of the run, if they are known."""
     if options.query_list_path is not None:
-        names = list(read_queries(options.query_list_path))
+        names = [*under_names_of(truth, dict.fromkeys(read_queries(options.query_list_path)))]
         unknown = [name for name in names if name not in truth]
         if unknown:
             raise InputError(
@@ -127,7 +128,7 @@ def choose_queries(
             )
         return names, True
     if options.ground_truth.is_dir():  # a model also has the database images
-        return choose_queries_of_model(set(estimated), set(truth), options)
+        return choose_queries_of_model(set(estimated), queries, set(truth), options)
     if not truth:
         raise InputError(f"{options.ground_truth}: holds no pose")
     if estimated and not set(estimated) & set(truth):
@@ -136,10 +137,9 @@ def choose_queries(
 
 
 def choose_queries_of_model(
-    estimated: set[str], truth: set[str], options: argparse.Namespace
+    estimated: set[str], found: set[str] | None, truth: set[str], options: argparse.Namespace
 ) -> tuple[list[str], bool]:
     """Returns the same if the true poses are those of a model."""
-    found = _read_queries(options.estimated_poses)
     queries = estimated if found is None else found
     names = sorted(queries & truth)
     if not names:
@@ -249,7 +249,9 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     estimated, truth = read_any_poses(options.estimated_poses), read_any_poses(options.ground_truth)
-    names, are_queries_known = choose_queries(estimated, truth, options)
+    queries = _read_queries(options.estimated_poses)
+    truth = under_names_of({*estimated, *(queries or ())}, truth)
+    names, are_queries_known = choose_queries(estimated, queries, truth, options)
     errors = evaluate(estimated, truth, names)
     summary = summarize(errors, options.thresholds)
     if options.json is not None:

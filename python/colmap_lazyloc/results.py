@@ -4,14 +4,14 @@ import csv
 import dataclasses
 import json
 import pathlib
-from collections.abc import Callable, Iterable
-from typing import Any, NoReturn, TextIO
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import Any, NoReturn, TextIO, TypeVar
 
 import numpy as np
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.project.folder import EPOCH, LOCALIZED, RECORD, Folder
+from colmap_lazyloc.project.folder import EPOCH, LOCALIZED, QUERY, RECORD, Folder
 from colmap_lazyloc.result_fields import PoseFields, ResultFields
 from colmap_lazyloc.text_files import Path, open_text
 
@@ -22,6 +22,7 @@ REQUIRED_FIELDS = ("name", "status", "cam_from_world")
 
 Change = dict[str, Any]  # an entry of changes.json
 ControlResidual = dict[str, Any]  # an entry of control_points.json
+Item = TypeVar("Item")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +64,14 @@ def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) ->
                 raise InputError(f"{path}: query '{result['name']}' has two results")
             results[result["name"]] = result
     return results
+
+
+def under_names_of(names: Collection[str], items: Mapping[str, Item]) -> dict[str, Item]:
+    """Returns items of queries under the names of a run: `lazyloc run` puts `query/` in front of the photos' names."""
+    folder = f"{QUERY}/"
+    is_of_run = len(names) > 0 and all(name.startswith(folder) for name in names)
+    is_of_photos = not any(name.startswith(folder) for name in items)
+    return {f"{folder}{name}": item for name, item in items.items()} if is_of_run and is_of_photos else dict(items)
 
 
 def read_changes(folder: Path) -> list[Change]:

@@ -30,6 +30,7 @@ from colmap_lazyloc.results import (
     read_control_residuals,
     read_results,
     unconfirmed_pose_of,
+    under_names_of,
 )
 
 
@@ -159,7 +160,7 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str
         read_points(path / "model"),
         options,
         leave_one_out,
-        {name: pose for name, pose in truth.items() if name in results},
+        {name: pose for name, pose in under_names_of(results, truth).items() if name in results},
         unit_of(path, unit),
         read_changes(path),
         read_control_residuals(path),
