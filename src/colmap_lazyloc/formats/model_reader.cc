@@ -1,6 +1,9 @@
 #include "colmap_lazyloc/formats/model_reader.h"
 
+#include <optional>
+#include <set>
 #include <string>
+#include <system_error>
 #include <type_traits>
 #include <utility>
 
@@ -181,6 +184,24 @@ ModelOnDisk ReadFiles(const std::filesystem::path& folder, const std::string& en
   return {builder.Take(), path("images"), images.TakePoints()};
 }
 
+// Returns the file name ending of the model in a folder; nothing if there is none.
+std::optional<std::string> FindEnding(const std::filesystem::path& folder) {
+  for (const std::string ending : {".bin", ".txt"}) {
+    if (IsTaken(folder / ("cameras" + ending)) && IsTaken(folder / ("images" + ending))) return ending;
+  }
+  return std::nullopt;
+}
+
+// Returns what an error about a folder without a model ends with: the model in a folder inside, such as sparse/0.
+std::string ModelInside(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::set<std::filesystem::path> models;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    if (FindEnding(entry.path())) models.insert(entry.path());
+  }
+  return models.empty() ? "" : "; give " + models.begin()->string();
+}
+
 }  // namespace
 
 Model ReadModel(const std::filesystem::path& path) {
@@ -191,15 +212,13 @@ Model ReadModel(const std::filesystem::path& path) {
 }
 
 ModelOnDisk ReadModelWithPoints(const std::filesystem::path& path) {
-  const auto has = [&](const char* cameras, const char* images) {
-    return IsTaken(path / cameras) && IsTaken(path / images);
-  };
-  const bool is_binary = has("cameras.bin", "images.bin");
-  if (!is_binary && !has("cameras.txt", "images.txt")) {
+  const std::optional<std::string> ending = FindEnding(path);
+  if (!ending) {
     throw InputError(path.string() +
-                     ": holds no COLMAP model: neither cameras.bin and images.bin nor cameras.txt and images.txt");
+                     ": holds no COLMAP model: neither cameras.bin and images.bin nor cameras.txt and images.txt" +
+                     ModelInside(path));
   }
-  return is_binary ? ReadFiles<BinaryFile>(path, ".bin") : ReadFiles<TextFile>(path, ".txt");
+  return *ending == ".bin" ? ReadFiles<BinaryFile>(path, ".bin") : ReadFiles<TextFile>(path, ".txt");
 }
 
 Camera ParseCamera(int model_id, std::string_view rest, const TextFile& file) {

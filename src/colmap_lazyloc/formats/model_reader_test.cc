@@ -65,6 +65,20 @@ void ExpectPoseBits(const Rigid3d& pose, const std::vector<double>& expected) {
               ::testing::ElementsAreArray(expected));
 }
 
+TEST_F(ReadModelTest, AFolderOfModelsIsRefusedWithTheFirstOne) {
+  const std::string error = folder_.string() +
+                            ": holds no COLMAP model: neither cameras.bin and images.bin nor "
+                            "cameras.txt and images.txt";
+  WriteFile("log", "");
+  EXPECT_EQ(ErrorOf([&] { ReadModel(folder_); }), error);
+  for (const std::string name : {"1", "0", "empty"}) std::filesystem::create_directory(folder_ / name);
+  for (const std::string name : {"1", "0"}) {
+    WriteFile(name + "/cameras.txt", kCameras);
+    WriteFile(name + "/images.txt", "");
+  }
+  EXPECT_EQ(ErrorOf([&] { ReadModel(folder_); }), error + "; give " + (folder_ / "0").string());
+}
+
 TEST_F(ReadModelTest, PlacesOfPointsAreThoseOfTheFile) {
   WriteFile("cameras.txt", kCameras);
   const std::string images =
