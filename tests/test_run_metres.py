@@ -2,6 +2,7 @@
 
 import csv
 import re
+import shutil
 
 import numpy as np
 import PIL.Image
@@ -343,6 +344,18 @@ def test_run_by_a_distance(courtyard, photos, capsys):
     assert result.is_localized and result.heading_deg is None
     true, measured = (np.linalg.norm(places["query/0.png"] - places["query/1.png"]) for places in (centres, found))
     assert measured == pytest.approx(true, rel=0.01)
+
+
+def test_photos_without_a_pose_of_the_mapper_are_named(photos, colmap, monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("COLMAP", str(colmap))
+    shutil.copytree(photos.image_path / "database", tmp_path / "photos")
+    with PIL.Image.open(tmp_path / "photos" / "0.png") as photo:
+        PIL.ImageOps.mirror(photo).save(tmp_path / "photos" / "mirrored.png")  # SIFT does not match it
+    words = ["run", "--database_images", tmp_path / "photos", "--queries", photos.image_path / "query"]
+    words += ["--output", tmp_path / "out", *photo_scene.SIFT]
+    assert main([str(word) for word in words]) == 0
+    line = "COLMAP's mapper found no pose of 1 of 7 photos, which are not used: database/mirrored.png"
+    assert line in capsys.readouterr().err
 
 
 def test_run_by_marked_points(courtyard, photos, capsys):

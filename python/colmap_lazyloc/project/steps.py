@@ -19,7 +19,7 @@ from colmap_lazyloc.database import (
     remove_matches,
     tidy_images,
 )
-from colmap_lazyloc.errors import InputError, logger, nearest
+from colmap_lazyloc.errors import InputError, first_names, logger, nearest
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.colmap import write_posed_images
@@ -303,8 +303,12 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
 
 def _write_mapped(project: Project, used: Sequence[str], known: Known | None, folder: Folder) -> None:
     """Writes the largest model of the mapper to `folder`, in metres if a distance or positions give them."""
-    models = {path: len(read_model(path).images) for path in project.folder.sparse.iterdir() if path.is_dir()}
-    largest = max(sorted(models), key=lambda path: models[path])
+    models = {path: set(read_model(path).images) for path in project.folder.sparse.iterdir() if path.is_dir()}
+    largest = max(sorted(models), key=lambda path: len(models[path]))
+    lost = sorted(set(used) - models[largest])
+    if lost:
+        count = f"{len(lost)} of {len(used)} photos"
+        logger.warning("COLMAP's mapper found no pose of %s, which are not used: %s", count, first_names(lost, 5))
     is_level = not isinstance(known, Distance)
     try:
         if isinstance(known, Distance):
