@@ -1,5 +1,6 @@
 """Drives report pages in headless Chromium: from file://, without a network, as a user opens them."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -91,6 +92,29 @@ def test_the_page_shows_every_query_and_status(report, run):
     assert report.state()["numVisible"] == len(results.read_results(run / "results.jsonl")) == len(names_of(report))
     assert report.state()["viewer"] == "webgl"
     assert report.state()["numDrawnPoints"] > 0
+
+
+@pytest.mark.parametrize(
+    ("statuses", "title", "words"),
+    [
+        (["LOCALIZED", "LOCALIZED"], "Nothing stands out", "Half of all queries are below"),
+        (["LOCALIZED"], "Nothing stands out", "One query: "),
+        (["LOCALIZED", "NO_PAIRS"], "No warnings", "One query: "),
+    ],
+)
+def test_the_head_suits_few_queries(browser, tmp_path, statuses, title, words):
+    run = make_run(tmp_path / "run", "--num_queries", 16)
+    found = list(results.read_results(run / "results.jsonl").values())
+    chosen = []
+    for status in statuses:
+        chosen.append(next(result for result in found if result["status"] == status and result not in chosen))
+    text = "".join(json.dumps(result | {"confidence": result["confidence"] and 0.99}) + "\n" for result in chosen)
+    (run / "results.jsonl").write_text(text)
+    report = browser.open(make_page(run))
+    shown = report.page.locator("body").inner_text()
+    assert title in shown and words in shown
+    assert ("begins with the queries that are not localized" in shown) == (title == "No warnings")
+    report.page.context.close()
 
 
 def test_positions_are_exact_to_a_millimetre_at_utm_coordinates(report, run):

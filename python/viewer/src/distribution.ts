@@ -29,6 +29,7 @@ function sortedValues(values: Float32Array, isWanted: (query: number) => boolean
 }
 
 function inWords(values: number[], numQueries: number, format: (value: number) => string): string {
+  if (values.length === 1) return `One query: ${format(values[0])}.`;
   const at = (share: number) => format(values[Math.min(values.length - 1, Math.ceil(share * values.length) - 1)]);
   const whom =
     values.length === numQueries ? "of all queries" : `of the ${formatCount(values.length)} queries that have one`;

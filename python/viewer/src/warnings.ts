@@ -28,11 +28,18 @@ function list(warning: Warning, selection: Selection, onOpen: () => void): HTMLE
 
 const CALM = "No database image contradicts the others, and no query is near the threshold of confidence.";
 
+function calmHead({ statuses }: Summary): HTMLElement[] {
+  const isLocalized = statuses.every(({ name }) => name === "LOCALIZED");
+  const title = isLocalized ? "Nothing stands out" : "No warnings";
+  const text = isLocalized ? CALM : `The table begins with the queries that are not localized. ${CALM}`;
+  return [make("h2", {}, title), make("p", { class: "muted" }, text)];
+}
+
 // Returns a box with the warnings, and with notes on what the report lacks.
 export function warningBox(summary: Summary, selection: Selection, onOpen: () => void): HTMLElement {
   const { warnings, notes } = summary;
   const box = make("section", { class: "card warnings", "aria-label": "Look at these first" });
-  if (warnings.length === 0) box.append(make("h2", {}, "Nothing stands out"), make("p", { class: "muted" }, CALM));
+  if (warnings.length === 0) box.append(...calmHead(summary));
   else box.append(make("h2", {}, "Look at these first"));
   warnings.forEach((warning, i) => {
     box.append(item(warning, i === 0 || warnings.length <= MAX_NUM_OPEN, selection, onOpen));
