@@ -136,6 +136,21 @@ def test_another_model_in_exif_excludes_the_camera_of_the_database(photos, take_
     assert results["two.jpg"]["intrinsics_source"] == "exif"
 
 
+def test_a_focal_length_that_is_wrong_in_all_exif_does_not_exclude_the_camera_of_the_database(
+    photos, take_photo, run_photos, tmp_path
+):
+    """EXIF of some drones is off by a third. Intrinsics that were given for the database images are not from EXIF."""
+    name = photos.database_names[0]
+    (tmp_path / name).parent.mkdir()
+    exif.write_jpeg(tmp_path / name, take_photo(), focal_length_35mm=20, model="One")
+    exif.write_jpeg(tmp_path / "same.jpg", take_photo(), focal_length_35mm=20, model="One")
+    exif.write_jpeg(tmp_path / "other.jpg", take_photo(), focal_length_35mm=21, model="One")
+    results = run_photos().results
+    assert results["same.jpg"]["intrinsics_source"] == "database_camera"
+    assert results["same.jpg"]["intrinsics"]["origin"] == "model"
+    assert results["other.jpg"]["intrinsics_source"] == "exif"
+
+
 def test_photos_of_one_camera_share_its_estimate(photos, run_photos, tmp_path):
     """The photos are cut, so that no camera of the database has their size. Their matches are kept once."""
     for name in photos.query_names:

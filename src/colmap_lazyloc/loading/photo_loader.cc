@@ -110,7 +110,8 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       default_camera_(ParseDefaultCamera(options)),
       features_(NumBytes, options.CacheBytes()),
       coarse_features_([](const auto& features) { return features ? NumBytes(*features) : 0; }, options.CacheBytes()),
-      exif_cameras_([](const std::string& camera) { return sizeof(std::string) + camera.size(); }) {
+      camera_properties_(
+          [](const PhotoProperties& properties) { return sizeof(PhotoProperties) + properties.exif_camera.size(); }) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
   const DescriptorCounts counts = features.ReadDescriptorCounts(&damages);
@@ -293,21 +294,24 @@ std::vector<DatabaseCamera> PhotoLoader::CamerasLike(const PhotoProperties& phot
   if (photo.exif_camera.empty()) return cameras;
   for (size_t i = 0; i < std::min(cameras.size(), kMaxNumFiles); ++i) {
     const uint32_t camera_id = cameras[i].camera.camera_id;
-    cameras[i].exif_camera = *exif_cameras_.Get(camera_id, [&] { return ReadExifCamera(camera_id); });
+    const auto file = camera_properties_.Get(camera_id, [&] { return ReadPropertiesOfCamera(camera_id); });
+    cameras[i].exif_camera = file->exif_camera;
+    // The database does not have the focal length of EXIF if the user has given the intrinsics.
+    if (!cameras[i].exif_focal_length_px) cameras[i].exif_focal_length_px = file->exif_focal_length_px;
   }
   return cameras;
 }
 
-std::string PhotoLoader::ReadExifCamera(uint32_t camera_id) const {
+PhotoProperties PhotoLoader::ReadPropertiesOfCamera(uint32_t camera_id) const {
   for (const ModelImage& image : selection_.DatabaseModel().images) {
     if (image.camera_id != camera_id) continue;
     const std::filesystem::path path = std::filesystem::path(options_.image_path) / image.name;
     std::error_code error;
     if (!std::filesystem::is_regular_file(path, error)) continue;
     const std::optional<PhotoFile> file = PhotoFile::Read(path);
-    return file ? file->Properties().exif_camera : "";
+    return file ? file->Properties() : PhotoProperties();
   }
-  return "";
+  return {};
 }
 
 PhotoFile PhotoLoader::ReadFile(const PhotoQuery& photo, const FeatureMethod& method, QueryRecord* record) const {
