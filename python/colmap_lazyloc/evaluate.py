@@ -4,6 +4,8 @@
 
 ESTIMATED is the output folder of `colmap lazy_localizer`. ESTIMATED and TRUTH may also be files with lines
 `name qw qx qy qz tx ty tz` (cam_from_world, as in poses.txt), or folders with a COLMAP model, text or binary.
+`lazyloc import` makes a COLMAP model from poses in other formats. TRUTH may have the names of the photos without the
+folder `query/` of `lazyloc run`.
 Mean and median are of the localized queries. The recall is of all queries: a query without a pose is a failure.
 """
 
