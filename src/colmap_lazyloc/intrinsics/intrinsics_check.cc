@@ -61,6 +61,16 @@ size_t NumDatabaseFrames(const BundleAdjustmentResult& adjustment) {
   return frames.size();
 }
 
+// Throws Failure if the images do not determine an estimated focal length.
+void CheckEstimate(const BundleAdjustmentResult& adjustment, double focal_factor, double log_focal_stddev) {
+  if (NumDatabaseFrames(adjustment) < kMinNumFrames) {
+    throw Failure{QueryStatus::UNKNOWN_CAMERA, kTooFewFramesReason};
+  }
+  if (log_focal_stddev > kMaxLogFocalStddev || focal_factor < kMinFocalFactor) {
+    throw Failure{QueryStatus::UNKNOWN_CAMERA, kUnknownFocalLengthReason};
+  }
+}
+
 // Returns the variance of the mean of the logs of the database images' focal lengths, if no two are the same. Then
 // each was estimated from one image, and the pose of the image has the same error. An estimate that relies on these
 // poses errs with their mean. Zero if the cameras had different lenses.
@@ -96,9 +106,6 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   checked.information.resize(layout.num_queries);
   checked.poses = std::move(poses);
   checked.posed = RelativeToGivenDatabase(layout, adjusted);
-  if (camera && NumDatabaseFrames(refined.adjustment) < kMinNumFrames) {
-    throw Failure{QueryStatus::UNKNOWN_CAMERA, kTooFewFramesReason};
-  }
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
     // Not zero, if the data are exact.
@@ -130,9 +137,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const auto log_focal_by_others = score.log_factor_from_correction.tail<kNumOtherCorrections>();
       const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) +
                                                 log_focal_by_others.dot(mean_square * log_focal_by_others));
-      if (camera && (log_focal_stddev > kMaxLogFocalStddev || result.focal_factor < kMinFocalFactor)) {
-        throw Failure{QueryStatus::UNKNOWN_CAMERA, kUnknownFocalLengthReason};
-      }
+      if (camera) CheckEstimate(refined.adjustment, result.focal_factor, log_focal_stddev);
       const double variance_by_database = camera ? VarianceByDatabase(problem.pairs) : 0;
       result.focal_factor_stddev = result.focal_factor * std::hypot(log_focal_stddev, std::sqrt(variance_by_database));
       pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
