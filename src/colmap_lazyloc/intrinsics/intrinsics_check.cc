@@ -138,11 +138,11 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) +
                                                 log_focal_by_others.dot(mean_square * log_focal_by_others));
       if (camera) CheckEstimate(refined.adjustment, result.focal_factor, log_focal_stddev);
-      const double variance_by_database = camera ? VarianceByDatabase(problem.pairs) : 0;
-      result.focal_factor_stddev = result.focal_factor * std::hypot(log_focal_stddev, std::sqrt(variance_by_database));
+      const double missing_variance = camera ? VarianceByDatabase(problem.pairs) + refined.log_focal_scatter : 0;
+      result.focal_factor_stddev = result.focal_factor * std::hypot(log_focal_stddev, std::sqrt(missing_variance));
       pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
       pose.log_focal_variance = JudgeIntrinsics(problem.query_camera, estimate, camera.has_value(), options, &result);
-      pose.log_focal_variance += variance_by_database;
+      pose.log_focal_variance += missing_variance;
     }
   }
   return checked;

@@ -23,6 +23,7 @@ struct Refined {
   BundleAdjustmentResult adjustment;                  // the last one; its tracks are those that fit the result
   double variance_factor = 1;                         // of its images
   std::optional<QueryCamera> camera;                  // of a query whose focal length was estimated
+  double log_focal_scatter = 0;                       // mean square deviation of estimates from other starts
   std::optional<UnobservableLine> unobservable_line;  // if a prior fixes the place on it
   std::optional<bool> has_one_orientation;            // of a single query beside one database image (choose.cc)
   std::vector<MissingVariance> missing_variances;     // by the adjustment and the variance factor
