@@ -68,6 +68,20 @@ def run_photos(photos, localize, tmp_path):
     return run
 
 
+@pytest.fixture
+def run_with_exif(photos, take_photo, run_photos, tmp_path):
+    """Returns a function that localizes photos with the given fields in EXIF, and gives a database image other ones."""
+
+    def run(of_database, of_queries):
+        name = photos.database_names[0]  # found below --image_path; its file has another format than its name says
+        (tmp_path / name).parent.mkdir()
+        for file, fields in {name: of_database, **of_queries}.items():
+            exif.write_jpeg(tmp_path / file, take_photo(), **fields)
+        return run_photos().results
+
+    return run
+
+
 def assert_localized(run, name, source, focal_length_px, max_position_error=0.08, pose=None):
     """Checks pose, source and focal length, if it was estimated; the bounds suit a courtyard of 20 m."""
     result = run.results[name]
@@ -125,27 +139,27 @@ def test_another_focal_length_in_exif_excludes_the_camera_of_the_database(take_p
     assert run.results["far.jpg"]["intrinsics_source"] == "exif"
 
 
-def test_another_model_in_exif_excludes_the_camera_of_the_database(photos, take_photo, run_photos, tmp_path):
-    name = photos.database_names[0]  # found below --image_path; its file has another format than its name says
-    (tmp_path / name).parent.mkdir()
-    exif.write_jpeg(tmp_path / name, take_photo(), focal_length_35mm=29, model="One")
-    exif.write_jpeg(tmp_path / "one.jpg", take_photo(), focal_length_35mm=29, model="One")
-    exif.write_jpeg(tmp_path / "two.jpg", take_photo(), focal_length_35mm=29, model="Two")
-    results = run_photos().results
+def test_another_model_in_exif_excludes_the_camera_of_the_database(run_with_exif):
+    results = run_with_exif(
+        {"focal_length_35mm": 29, "model": "One"},
+        {
+            "one.jpg": {"focal_length_35mm": 29, "model": "One"},
+            "two.jpg": {"focal_length_35mm": 29, "model": "Two"},
+        },
+    )
     assert results["one.jpg"]["intrinsics_source"] == "database_camera"
     assert results["two.jpg"]["intrinsics_source"] == "exif"
 
 
-def test_a_focal_length_that_is_wrong_in_all_exif_does_not_exclude_the_camera_of_the_database(
-    photos, take_photo, run_photos, tmp_path
-):
+def test_a_focal_length_that_is_wrong_in_all_exif_does_not_exclude_the_camera_of_the_database(run_with_exif):
     """EXIF of some drones is off by a third. Intrinsics that were given for the database images are not from EXIF."""
-    name = photos.database_names[0]
-    (tmp_path / name).parent.mkdir()
-    exif.write_jpeg(tmp_path / name, take_photo(), focal_length_35mm=20, model="One")
-    exif.write_jpeg(tmp_path / "same.jpg", take_photo(), focal_length_35mm=20, model="One")
-    exif.write_jpeg(tmp_path / "other.jpg", take_photo(), focal_length_35mm=21, model="One")
-    results = run_photos().results
+    results = run_with_exif(
+        {"focal_length_35mm": 20, "model": "One"},
+        {
+            "same.jpg": {"focal_length_35mm": 20, "model": "One"},
+            "other.jpg": {"focal_length_35mm": 21, "model": "One"},
+        },
+    )
     assert results["same.jpg"]["intrinsics_source"] == "database_camera"
     assert results["same.jpg"]["intrinsics"]["origin"] == "model"
     assert results["other.jpg"]["intrinsics_source"] == "exif"

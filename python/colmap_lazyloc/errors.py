@@ -152,10 +152,7 @@ class Parser(argparse.ArgumentParser):
             if not word.startswith("--") or name in known or self._is_foreign(name.removeprefix("--")):
                 continue
             if not self.allow_abbrev or not any(other.startswith(name) for other in known):
-                # The dashes must not make short names look alike.
-                near = nearest(name.removeprefix("--"), (other.removeprefix("--") for other in known))
-                hint = near.replace("is ", "is --", 1) or f" ({self.prog} --help)"
-                raise InputError(f"unknown option {name}{hint}")
+                raise InputError(f"unknown option {name}{nearest(name, known) or f' ({self.prog} --help)'}")
 
 
 def first_names(names: Sequence[str], count: int) -> str:
@@ -169,7 +166,11 @@ def nearest(name: str, known: Iterable[str]) -> str:
     photo is one with more or fewer folders."""
     known = list(known)
     near = [other for other in known if other.endswith(f"/{name}") or name.endswith(f"/{other}")]
-    near = near or difflib.get_close_matches(name, known, 1)
+    if not near:
+        # The dashes of options must not make short names look alike.
+        without_dashes = {other.removeprefix("--"): other for other in known}
+        close = difflib.get_close_matches(name.removeprefix("--"), without_dashes, 1)
+        near = [without_dashes[word] for word in close]
     return f"; the nearest is {near[0]}" if near else ""
 
 

@@ -125,8 +125,7 @@ class Solver {
       camera.ScaleFocalLength(found.factor);
       input.posed.frames[0].frame_from_world = found.frame_from_world;
       input.posed.images[0].log_focal_factor = 0;
-      input.tracks = {camera.Observe(input.tracks.from_database), camera.Observe(input.tracks.rest)};
-      input.candidates = {camera.Observe(input.candidates.all), camera.Observe(input.candidates.for_start)};
+      input = ObservedBy(camera, std::move(input));
     });
     solution_.starts = {StartPose::ABSOLUTE_POSE};
     solution_.refined = Refine(layout_, input.posed, input.tracks, input.candidates, options_, seconds_, camera);
@@ -169,6 +168,13 @@ class Solver {
   }
 
  private:
+  // Returns the start with the query's rays by this camera.
+  static StartInput ObservedBy(const QueryCamera& camera, StartInput input) {
+    input.tracks = {camera.Observe(input.tracks.from_database), camera.Observe(input.tracks.rest)};
+    input.candidates = {camera.Observe(input.candidates.all), camera.Observe(input.candidates.for_start)};
+    return input;
+  }
+
   // Estimates the focal length again from a shorter and a longer one, and returns the mean square deviation of the logs
   // from the first estimate. In images of level ground from above, estimates from different starts can differ by 15 %,
   // although each adjustment takes its own for accurate to 1 %.
@@ -181,16 +187,14 @@ class Solver {
     for (const double factor : {kOtherStartFactor, 1 / kOtherStartFactor}) {
       QueryCamera camera = *first.camera;
       camera.ScaleFocalLength(factor);
-      PosedImages start = input.posed;
-      Rigid3d& pose = start.frames[0].frame_from_world;
+      StartInput start = ObservedBy(camera, input);
+      Rigid3d& pose = start.posed.frames[0].frame_from_world;
       pose = first.adjustment.posed.frames[0].frame_from_world;
       // Moves the camera with the focal length, so that the scene keeps its size in the image.
       pose.translation += (factor - 1) * distance * (cam_from_frame.rotation.conjugate() * Eigen::Vector3d::UnitZ());
-      const SplitTracks tracks = {camera.Observe(input.tracks.from_database), camera.Observe(input.tracks.rest)};
-      const CandidateTracks candidates = {camera.Observe(input.candidates.all),
-                                          camera.Observe(input.candidates.for_start)};
       try {
-        const Refined again = Refine(layout_, start, tracks, candidates, options_, seconds_, camera);
+        const Refined again =
+            Refine(layout_, start.posed, start.tracks, std::move(start.candidates), options_, seconds_, camera);
         sum += std::pow(std::log(again.camera->FocalFactor() / first.camera->FocalFactor()), 2);
       } catch (const Failure&) {
         continue;  // that start leads nowhere
