@@ -1,5 +1,5 @@
-# Adds COLMAP: its unpatched source tree as a subproject if COLMAP_SOURCE_DIR is set, or else an installed COLMAP. An
-# installed COLMAP has the libraries, but not all sources of the program.
+# Adds COLMAP: its source tree as a subproject if COLMAP_SOURCE_DIR is set, or else an installed COLMAP. The source tree
+# stays unchanged. An installed COLMAP has the libraries, but not all sources of the program.
 set(COLMAP_SOURCE_DIR "" CACHE PATH "COLMAP source tree to build against; empty: an installed COLMAP")
 
 # Sets LAZYLOC_COLMAP_INTERFACE to the folder of bridge/ that supports this version of COLMAP.
@@ -28,6 +28,22 @@ function(lazyloc_raise_cxx_standard directory)
   endforeach()
 endfunction()
 
+# Compiles COLMAP's feature extraction and matching with a corrected copy of threading.h. In COLMAP 3.10, JobQueue::Stop
+# sets its flag without the lock, so that a thread that has just read the flag can wait forever, and feature_extractor
+# with it. COLMAP 4 does not.
+function(lazyloc_lock_job_queue source)
+  set(header colmap/util/threading.h)
+  file(READ "${source}/${header}" text)
+  set(stop "::Stop() {\n")
+  string(REPLACE "${stop}  stop_ = true;" "${stop}  std::unique_lock<std::mutex> lock(mutex_);\n  stop_ = true;" corrected "${text}")
+  if(NOT corrected STREQUAL text)
+    file(CONFIGURE OUTPUT "${PROJECT_BINARY_DIR}/corrected/${header}" CONTENT "${corrected}" @ONLY)
+    file(GLOB sources "${source}/colmap/controllers/feature_*.cc")
+    set_property(SOURCE ${sources} TARGET_DIRECTORY colmap_controllers
+      PROPERTY INCLUDE_DIRECTORIES "${PROJECT_BINARY_DIR}/corrected")
+  endif()
+endfunction()
+
 if(COLMAP_SOURCE_DIR)
   if(NOT EXISTS "${COLMAP_SOURCE_DIR}/src/colmap/exe/colmap.cc")
     # Begins with a blank, because CMake would break the line.
@@ -43,6 +59,7 @@ if(COLMAP_SOURCE_DIR)
     set(${feature}_ENABLED OFF CACHE BOOL "Option of COLMAP")
   endforeach()
   add_subdirectory("${COLMAP_SOURCE_DIR}" "${PROJECT_BINARY_DIR}/colmap" EXCLUDE_FROM_ALL)
+  lazyloc_lock_job_queue("${COLMAP_SOURCE_DIR}/src")
   lazyloc_raise_cxx_standard("${COLMAP_SOURCE_DIR}")
 else()
   set(module_path "${CMAKE_MODULE_PATH}")
