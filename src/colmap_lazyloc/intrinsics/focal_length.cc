@@ -2,13 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/group/failure.h"
 #include "colmap_lazyloc/initialization/start_selection.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/seed.h"
+#include "colmap_lazyloc/noise/image_noise.h"
 #include "colmap_lazyloc/scene/refs.h"
 
 namespace lazyloc {
@@ -18,6 +22,19 @@ namespace {
 constexpr double kMaxFocalFactor = 3;
 // Number of factors on each side of 1. Neighbours differ by 8 %, which adjustment corrects.
 constexpr int kNumSteps = 14;
+
+// Returns the errors of the points' projections in pixels; half the image's diagonal behind the camera.
+std::vector<double> ErrorsPx(const Refined& estimate, const std::vector<Track>& tracks) {
+  const Rigid3d cam_from_world = CamFromWorld(estimate.adjustment.posed, 0);
+  std::vector<double> errors_px;
+  for (const Track& track : estimate.camera->Observe(tracks)) {
+    const Observation& observation = track.observations.front().observation;
+    const Eigen::Vector3d point_in_cam = cam_from_world * track.point_in_world;
+    errors_px.push_back(IsInFront(observation, point_in_cam) ? ReprojectionError(observation, point_in_cam).norm()
+                                                             : HalfDiagonalPx(estimate.camera->Intrinsics()));
+  }
+  return errors_px;
+}
 
 }  // namespace
 
@@ -58,6 +75,31 @@ FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCam
   throw Failure{QueryStatus::TOO_FEW_TRACKS, "no focal length explains the " +
                                                  std::to_string(tracks_from_database.size()) +
                                                  " points that two or more database images triangulate"};
+}
+
+Refined MostLikelyFocalLength(std::vector<Refined> estimates, const std::vector<Track>& tracks_from_database,
+                              const LocalizerOptions& options) {
+  std::vector<std::vector<double>> errors_px;
+  double noise_px = std::numeric_limits<double>::infinity();
+  for (const Refined& estimate : estimates) {
+    errors_px.push_back(ErrorsPx(estimate, tracks_from_database));
+    if (!errors_px.back().empty()) noise_px = std::min(noise_px, StddevOfLengths(errors_px.back()));
+  }
+  noise_px = std::max(noise_px, kMinImageNoisePx);
+  const RobustLoss loss(options.bundle_adjustment.loss_scale_sigma);
+  std::vector<double> costs;
+  for (const std::vector<double>& errors : errors_px) {
+    RobustLoss::Sum sum(loss);
+    for (const double error_px : errors) sum.Add(std::pow(error_px / noise_px, 2));
+    costs.push_back(sum.Value());
+  }
+  const size_t best = std::min_element(costs.begin(), costs.end()) - costs.begin();
+  double sum_of_squares = 0;
+  for (const Refined& estimate : estimates) {
+    sum_of_squares += std::pow(std::log(estimate.camera->FocalFactor() / estimates[best].camera->FocalFactor()), 2);
+  }
+  estimates[best].log_focal_scatter = sum_of_squares / static_cast<double>(std::max<size_t>(estimates.size() - 1, 1));
+  return std::move(estimates[best]);
 }
 
 }  // namespace lazyloc

@@ -5,6 +5,7 @@
 #include "colmap_lazyloc/group/layout.h"
 #include "colmap_lazyloc/group/query_camera.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
+#include "colmap_lazyloc/uncertainty/refined.h"
 
 namespace lazyloc {
 
@@ -25,5 +26,12 @@ struct FocalLengthAndPose {
 FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCamera& camera,
                                             const std::vector<Track>& tracks_from_database,
                                             const LocalizerOptions& options);
+
+// Returns the estimate with the lowest cost of the points that the database alone triangulates, and sets its scatter to
+// the mean square deviation of the others from it, as logs. An adjustment's own cost does not tell which estimate is
+// right, because each adjustment has its own points, image noise and database poses. estimates: of one query, not
+// empty.
+Refined MostLikelyFocalLength(std::vector<Refined> estimates, const std::vector<Track>& tracks_from_database,
+                              const LocalizerOptions& options);
 
 }  // namespace lazyloc

@@ -1,5 +1,8 @@
 #include "colmap_lazyloc/intrinsics/focal_length.h"
 
+#include <cmath>
+#include <vector>
+
 #include <Eigen/Geometry>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -217,7 +220,7 @@ TEST(FocalLength, EstimatesOfLevelGroundAgreeWithinTheirDeviations) {
     ++num;
   }
   EXPECT_GE(num, 10);
-  EXPECT_LE(sum / num, 3);
+  EXPECT_LE(sum / num, 4);  // 11.7 without the scatter of the starts
 }
 
 // With a distortion that nobody has measured, little is left that tells the focal length of a photo of a plane. Far
@@ -292,6 +295,23 @@ TEST(ChooseFocalLengthAndPose, TooFewTracksAreReported) {
       [&] { ChooseFocalLengthAndPose(input.layout, QueryCamera(scene.group.images[0].problem), input.tracks, {}); });
   EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
   EXPECT_THAT(failure.reason, testing::HasSubstr("3 points"));
+}
+
+// Neither the order of the estimates nor the cost of an adjustment counts.
+TEST(MostLikelyFocalLength, IsTheOneThatFitsThePointsFromTheDatabase) {
+  const SyntheticGroup scene = LoneQueryOfGroup();
+  const StageInput input = MakeStageInput(scene);
+  std::vector<Refined> estimates;
+  for (const double factor : {1.2, 1.0, 0.9}) {
+    Refined& estimate = estimates.emplace_back();
+    estimate.camera = QueryCamera(scene.group.images[0].problem);
+    estimate.camera->ScaleFocalLength(factor);
+    estimate.adjustment.posed = input.truth;
+    estimate.adjustment.summary.cost = std::abs(factor - 1.2);
+  }
+  const Refined chosen = MostLikelyFocalLength(estimates, input.tracks, {});
+  EXPECT_EQ(chosen.camera->FocalFactor(), 1);
+  EXPECT_NEAR(chosen.log_focal_scatter, (std::pow(std::log(1.2), 2) + std::pow(std::log(0.9), 2)) / 2, 1e-12);
 }
 
 }  // namespace

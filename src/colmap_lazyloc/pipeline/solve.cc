@@ -128,8 +128,7 @@ class Solver {
       input = ObservedBy(camera, std::move(input));
     });
     solution_.starts = {StartPose::ABSOLUTE_POSE};
-    solution_.refined = Refine(layout_, input.posed, input.tracks, input.candidates, options_, seconds_, camera);
-    solution_.refined->log_focal_scatter = LogFocalScatter(input);
+    solution_.refined = EstimateFocalLength(input, camera);
     UsePriors();
     AddPoses();
   }
@@ -175,32 +174,34 @@ class Solver {
     return input;
   }
 
-  // Estimates the focal length again from a shorter and a longer one, and returns the mean square deviation of the logs
-  // from the first estimate. In images of level ground from above, estimates from different starts can differ by 15 %,
-  // although each adjustment takes its own for accurate to 1 %.
-  double LogFocalScatter(const StartInput& input) {
-    const Refined& first = *solution_.refined;
-    const Rigid3d& cam_from_frame = first.adjustment.posed.images[0].cam_from_frame;
-    const double distance =
-        MedianDistance(CamFromWorld(first.adjustment.posed, 0), TracksByFrame(layout_, first.adjustment.tracks)[0]);
-    double sum = 0;
+  // Estimates the focal length from where the search found it, and from a shorter and a longer one. In images of level
+  // ground from above, the estimates can differ by 15 %, although each adjustment takes its own for accurate to 1 %.
+  Refined EstimateFocalLength(const StartInput& input, const QueryCamera& camera) {
+    std::vector<Refined> estimates = {
+        Refine(layout_, input.posed, input.tracks, input.candidates, options_, seconds_, camera)};
     for (const double factor : {kOtherStartFactor, 1 / kOtherStartFactor}) {
-      QueryCamera camera = *first.camera;
-      camera.ScaleFocalLength(factor);
-      StartInput start = ObservedBy(camera, input);
-      Rigid3d& pose = start.posed.frames[0].frame_from_world;
-      pose = first.adjustment.posed.frames[0].frame_from_world;
-      // Moves the camera with the focal length, so that the scene keeps its size in the image.
-      pose.translation += (factor - 1) * distance * (cam_from_frame.rotation.conjugate() * Eigen::Vector3d::UnitZ());
       try {
-        const Refined again =
-            Refine(layout_, start.posed, start.tracks, std::move(start.candidates), options_, seconds_, camera);
-        sum += std::pow(std::log(again.camera->FocalFactor() / first.camera->FocalFactor()), 2);
+        estimates.push_back(EstimateFocalLengthAgain(input, estimates.front(), factor));
       } catch (const Failure&) {
         continue;  // that start leads nowhere
       }
     }
-    return sum / 2;
+    return MostLikelyFocalLength(std::move(estimates), input.tracks.from_database, options_);
+  }
+
+  // factor: of the start on the first estimate.
+  Refined EstimateFocalLengthAgain(const StartInput& input, const Refined& first, double factor) {
+    const PosedImages& posed = first.adjustment.posed;
+    const double distance = MedianDistance(CamFromWorld(posed, 0), TracksByFrame(layout_, first.adjustment.tracks)[0]);
+    QueryCamera camera = *first.camera;
+    camera.ScaleFocalLength(factor);
+    StartInput start = ObservedBy(camera, input);
+    Rigid3d& pose = start.posed.frames[0].frame_from_world;
+    pose = posed.frames[0].frame_from_world;
+    // Moves the camera with the focal length, so that the scene keeps its size in the image.
+    pose.translation +=
+        (factor - 1) * distance * (posed.images[0].cam_from_frame.rotation.conjugate() * Eigen::Vector3d::UnitZ());
+    return Refine(layout_, start.posed, start.tracks, std::move(start.candidates), options_, seconds_, camera);
   }
 
   Averaged Average() { return AverageMotion(layout_, estimates_.pairs, options_, seconds_); }
