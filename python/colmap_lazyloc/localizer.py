@@ -41,8 +41,8 @@ IDENTITY = np.array([1.0, 0, 0, 0, 0, 0, 0])
 
 
 class Localizer:
-    """Localizes queries against the posed images of a COLMAP model. The results are the same as from
-    `colmap lazy_localizer`.
+    """Localizes queries against posed images: the images of a COLMAP model, whose poses are known. The results are the
+    same as from `colmap lazy_localizer`.
 
     You may call the methods from several threads. Invalid input raises `InputError`, a subclass of ValueError. A query
     that cannot be localized is not an error: the status of its result gives the reason.
@@ -141,8 +141,9 @@ class Localizer:
         `image`: a file (relative to the option image_path, if it is set), or a uint8 array of height x width (grey) or
         height x width x 3 (RGB). The database must contain the descriptors of the posed images.
         `camera`: "MODEL width height params...", a dict with the keys model, width, height and params, or an object
-        with these attributes, such as pycolmap.Camera. By default, the intrinsics come from a camera in the model with
-        the photo's size, else from EXIF, else from a guess, and are corrected from the images.
+        with these attributes, such as pycolmap.Camera. If you pass no camera, the program uses the first intrinsics
+        that exist: of a camera in the model with the photo's size, from EXIF, or COLMAP's guess. It corrects these
+        intrinsics from the images.
         `name`: the query's name; default: the path of the file, or "photo" for an array. The name also determines the
         random numbers of the localization.
         `position`, `gravity`: see `localize`.
@@ -166,7 +167,7 @@ class Localizer:
         `pairs`: {name of a posed image: (keypoints, matches)}. `keypoints` is an m x 2 array with the keypoints of the
         posed image, x and y in pixels. Each row of `matches` (k x 2) has the index of a query keypoint, and the index
         of a keypoint of the posed image. If you pass only the matches, the keypoints of the posed image are read from
-        the database. The matches are verified by COLMAP's two-view geometry.
+        the database. The program verifies the matches with COLMAP's two-view geometry.
         `position`, `gravity`: see `localize`.
         """
         return self._localize_alone(Matches(camera, keypoints, pairs, name, position, gravity))
@@ -192,9 +193,9 @@ class Localizer:
     def localize_all(
         self, queries: Iterable[Query] | None = None, *, num_threads: int | None = None, progress: bool = False
     ) -> Iterator[Result]:
-        """Localizes many queries on several threads, and returns a generator of results in order of completion.
+        """Localizes many queries on several threads. Returns a generator, which yields each result when it is finished.
 
-        `queries`: names from the property `queries`, `Photo` or `Matches` objects; default: all names in the property.
+        `queries`: `Photo` or `Matches` objects, or names from the property `queries`; default: all of these names.
         `num_threads`: number of threads; -1 means all cores; default: the property `num_threads`.
         `progress`: True shows a progress bar (tqdm) on the standard error output.
 

@@ -52,8 +52,8 @@ def find_results(path: Path) -> pathlib.Path:
 
 
 def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) -> dict[str, ResultFields]:
-    """Returns the results in a results.jsonl by query name, in the order of the file. `watch` can show
-    progress: it is a function that gets the open file, and must yield the lines of the file."""
+    """Returns {query name: result} for a file results.jsonl, in the order of the file. To show progress, pass `watch`:
+    a function that gets the open file, and must yield the lines of the file."""
     results: dict[str, ResultFields] = {}
     with open_text(path) as file:
         for line_number, line in enumerate(watch(file), start=1):
