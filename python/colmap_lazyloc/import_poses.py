@@ -137,8 +137,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--image_path",
         type=pathlib.Path,
-        help="folder of the photos. Poses of other photos are left out, and the images of the model get the names of "
-        "the photos",
+        help="folder of the photos. Poses of photos that are not in this folder are left out, and the images of the "
+        "model get the names of the photos",
     )
     add("--binary", action="store_true", help="write binary files; default: text")
     add(
@@ -158,8 +158,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--poses",
         type=pathlib.Path,
         metavar="FILE",
-        help="for panoramas: poses of the panoramas, in any format; a model of the perspective images is then "
-        "written, too",
+        help="for panoramas: poses of the panoramas, in any format; the command then also writes a model of the "
+        "perspective images",
     )
     add_source_options(add)
     add_accept_option(add)

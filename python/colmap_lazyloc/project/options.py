@@ -140,8 +140,9 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
     add(
         "--one_camera",
         action="store_true",
-        help="one camera with one zoom took all queries of the same size without intrinsics; they are estimated "
-        "together. Default: only for --epoch, for frames of a video, or if EXIF shows it",
+        help="assume that one camera at one zoom took all queries that have the same size and no given intrinsics; the "
+        "intrinsics are estimated from these queries together. Default: only for --epoch, for frames of a video, or if "
+        "EXIF shows that one camera took them",
     )
     add(
         "--masks",

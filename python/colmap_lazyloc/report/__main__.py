@@ -56,8 +56,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--ground_truth",
         type=pathlib.Path,
-        help="true poses of the queries, in the coordinates of the database: a poses file, or the folder of a COLMAP "
-        "model; default: none; after a leave-one-out run, the input model",
+        help="true poses of the queries, in the coordinates of the database poses: a poses file, or the folder of a "
+        "COLMAP model; default: none; after a leave-one-out run, the input model",
     )
     parser.add_argument(
         "--split",

@@ -45,7 +45,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add(
         "--leave_one_out",
         action="store_true",
-        help="use the database images as queries, each without itself as database image",
+        help="use each database image as a query, and compare it with all other database images",
     )
     add("--output_path", type=pathlib.Path, required=True, help="list of pairs to write: two names per line")
     add(

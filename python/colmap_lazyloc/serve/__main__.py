@@ -44,7 +44,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
         "--tokens",
         type=pathlib.Path,
         metavar="FILE",
-        help="file with one bearer token per line, of which each request needs one; default: no tokens are needed",
+        help="file with one bearer token per line; each request needs one of these tokens; default: no token is needed",
     )
     add = parser.add_argument_group("limits").add_argument
     add("--max_megabytes", type=positive_int, default=20, help="maximum megabytes per request; default: %(default)s")

@@ -337,7 +337,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=pathlib.Path, help="folder to write; must not exist")
     for name in ("num_queries", "num_database_images", "num_points", "num_pairs", "frame_size"):
         parser.add_argument(f"--{name}", type=int, default=getattr(RunShape, name), help="default: %(default)s")
-    parser.add_argument("--origin", type=float, nargs=3, default=RunShape.origin, help="of the world's coordinates")
+    parser.add_argument("--origin", type=float, nargs=3, default=RunShape.origin, help="origin of the coordinates")
     parser.add_argument("--ugly_names", action="store_true", help="some names have blanks, quotes, HTML, a line break")
     parser.add_argument("--photos", action="store_true", help="write images/ as well")
     options = parser.parse_args(arguments)

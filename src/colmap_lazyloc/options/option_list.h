@@ -23,15 +23,16 @@ void ForEachFileOption(Options& o, const Add& add) {
       "File with the image pairs to use, two names per line; default: all pairs with matches in the database",
       OptionRole::INPUT);
   add("image_path", &o.source.photos.image_path,
-      "Folder of the photos. If a query has no keypoints in the database, its photo is matched in memory",
+      "Folder of the photos. If a query has no keypoints in the database, the program extracts its features from the "
+      "photo and matches them",
       OptionRole::MACHINE);
   add("retrieval_index_path", &o.source.photos.retrieval_index_path,
       "File of the visual index, which finds the database images that look like a photo; created or updated if "
       "needed; default: in memory, if there are more than 50 database images",
       OptionRole::INPUT);
   add("onnx_path", &o.source.photos.features.aliked.onnx_path,
-      "Folder of COLMAP 4's ONNX models for ALIKED features, which are used if the database contains ALIKED features, "
-      "or if a photo is not localized with SIFT features (for example at night)",
+      "Folder of COLMAP 4's ONNX models for ALIKED features. The program uses ALIKED features if the database contains "
+      "them, or if a photo is not localized with SIFT features (for example at night)",
       OptionRole::INPUT);
   add("rig_config_path", &o.source.selection.groups.rig_config_path,
       "Camera rigs in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or model",
@@ -73,9 +74,9 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Camera parameters of photos without known intrinsics, separated by commas; default: from a database camera "
       "with the photo's size, else from EXIF, else a guess");
   add("ImageReader.single_camera", &o.source.single_camera,
-      "Assume that one camera at one zoom took all queries that have the same size and no given intrinsics. Its "
-      "intrinsics are estimated from up to 20 of these queries together, and written to options.ini. No effect on "
-      "groups, rigs and trajectories; default: only queries that share a camera in the database share intrinsics");
+      "Assume that one camera at one zoom took all queries that have the same size and no given intrinsics. The "
+      "intrinsics of this camera are estimated from up to 20 queries together, and written to options.ini. No effect "
+      "on groups, rigs and trajectories; default: only queries that share a camera in the database share intrinsics");
   add("ImageReader.single_camera_per_image", &o.source.single_camera_per_image,
       "Estimate the intrinsics of each query without given intrinsics individually, even if queries share a camera in "
       "the database");
@@ -93,8 +94,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Localize each posed image, or each image in --query_list_path, from all other posed images");
   add("LazyLocalizer.intrinsics", &o.localizer.intrinsics,
       "How to use the intrinsics of queries. auto: estimate the focal length if it comes from EXIF, another image or "
-      "a guess; refuse a query if the images contradict its given intrinsics. given: keep the intrinsics and only "
-      "warn. refine: always estimate the focal length");
+      "a guess; if the images contradict given intrinsics, the query is not localized. given: use the given "
+      "intrinsics, and only warn if the images contradict them. refine: always estimate the focal length");
   add("LazyLocalizer.world_up", &o.source.priors.world_up,
       "Upward direction in the model, for example 0,0,1; needed for --query_gravity_path");
   add("LazyLocalizer.depth_is_metric", &o.localizer.depth_is_metric,
@@ -114,11 +115,11 @@ void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
       "Depth of a pixel with the value 1 in a PNG file of --depth_path, in the unit of the model");
   add("LazyLocalizer.Advanced.on_demand", &o.photos.on_demand,
-      "Extract missing SIFT features of database images from the files in --image_path when a photo needs them, and "
-      "store them beside the visual index. Similar images are then found by coarse features of the files");
+      "Extract missing SIFT features of database images from the files in --image_path when a photo is compared with "
+      "these images, and store the features beside the visual index");
   add("LazyLocalizer.Advanced.photo_position_path", &o.photos.position_path,
-      "Rough positions of photos, in the format of --query_position_path. They only decide with which database images "
-      "a photo is compared first",
+      "Rough positions of photos, in the format of --query_position_path. They are used only to choose database "
+      "images, not to compute the pose",
       OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the features and matches of the photos; the file must not exist", OptionRole::OUTPUT);
@@ -151,7 +152,8 @@ void ForEachFeatureOption(Options& o, const Add& add) {
       "Maximum width and height of a photo in pixels; larger photos are scaled down for extraction");
   add("SiftExtraction.max_num_features", &extraction.max_num_features,
       "Maximum number of features per photo; the features of the largest scales are kept. With the default value, the "
-      "program first tries 4000 features. -1: the 95th percentile of the numbers of features of the database images");
+      "program first uses 4000 features, and uses 8192 only if these give no pose. -1: the 95th percentile of the "
+      "numbers of features of the database images");
   add("SiftExtraction.first_octave", &extraction.first_octave,
       "First octave of the image pyramid. -1: double the size of a photo; 0: keep the size; -2: choose the octave by "
       "the scales of the keypoints of the database images");
