@@ -177,7 +177,7 @@ void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& s
 }
 
 std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorFit& fit, double variance_factor) {
-  if (group.components.size() == 1) {
+  if (group.HasStatedSizes()) {
     return EstimateVariances(group, fit, std::max(variance_factor, kMinVarianceFactor), {{1, 1, kMinStatedRatio, 1}})
         .variances;
   }

@@ -66,7 +66,7 @@ PosedImages RelativeToGivenDatabase(const Layout& layout, const PosedImages& adj
   PosedImages reported = adjusted;
   for (size_t i = 0; i < adjusted.prior_groups.size(); ++i) {  // one per query frame
     const PriorGroup& group = adjusted.prior_groups[i];
-    if (group.frames.empty() || group.components.size() < 2) continue;  // stated errors are independent
+    if (group.frames.empty() || group.HasStatedSizes()) continue;  // stated errors are independent
     std::vector<int> images;
     for (const int image : layout.QueriesOf(static_cast<int>(i))) {
       const int calibration = adjusted.images[image].calibration;

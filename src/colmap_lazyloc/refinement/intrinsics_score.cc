@@ -215,7 +215,7 @@ class ScoreBuilder {
 
   // Returns the probability that the database poses have errors, if the sizes of these errors are estimated.
   double EstimatedErrorProbability() const {
-    if (posed_.prior_groups.empty() || posed_.prior_groups.front().components.size() == 1) return 0;  // known sizes
+    if (posed_.prior_groups.empty() || posed_.prior_groups.front().HasStatedSizes()) return 0;
     return 1 - posed_.prior_groups.front().exact_probability;
   }
 

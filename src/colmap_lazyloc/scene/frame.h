@@ -95,6 +95,9 @@ struct PriorGroup {
   std::vector<VarianceComponent> components;
   // Probability that the frames do not deviate at all. The variances are means that include this case.
   double exact_probability = 0;
+
+  // The user stated the sizes of the errors, which are one component.
+  bool HasStatedSizes() const { return components.size() == 1; }
 };
 
 // Images and the frames that carry them.
