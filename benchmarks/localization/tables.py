@@ -11,25 +11,25 @@ from colmap_lazyloc.evaluate import DEFAULT_THRESHOLDS
 BASELINE = "structure_based"
 MISSING = "–"
 HEADER = (
-    "| method | queries | median cm / ° | mean cm | lost | "
-    "position error divided by error with the map [95 %] | "
-    + " | ".join(f"{metres:g} m, {degrees:g}°" for metres, degrees in DEFAULT_THRESHOLDS)
-    + " | median s |\n"
+    "| method | queries | median errors, cm / ° | mean error, cm | without pose | "
+    "position error divided by the map's error [95 %] | "
+    + " | ".join(f"within {metres:g} m, {degrees:g}°, %" for metres, degrees in DEFAULT_THRESHOLDS)
+    + " | median time, s |\n"
     + "|---" * (7 + len(DEFAULT_THRESHOLDS))
     + "|\n"
 )
 LEGEND = f"""**Columns of the tables**
 
-- *median cm / °*: median position error in cm / median rotation error in degrees. A query without a pose counts as an
-  infinite error.
-- *mean cm*: mean position error of the localized queries, in cm.
-- *lost*: number of queries without a pose.
-- *position error divided by error with the map [95 %]*: position error of the method divided by the position error of
+- *median errors, cm / °*: median position error in cm / median rotation error in degrees. A query without a pose counts
+  as an infinite error.
+- *mean error, cm*: mean position error of the localized queries.
+- *without pose*: number of queries without a pose.
+- *position error divided by the map's error [95 %]*: position error of the method divided by the position error of
   `{BASELINE}`, which is localization in a 3D map. The value is the geometric mean over the queries that both methods
   localize. The brackets contain the 95 % bootstrap interval of this mean.
-- *0.25 m, 2°* and similar columns: percentage of all queries whose position error and rotation error are both
+- *within 0.25 m, 2°, %* and similar columns: percentage of all queries whose position error and rotation error are both
   below the two values in the column's header.
-- *median s*: median time per query, in seconds.
+- *median time, s*: median time per query.
 """
 
 
