@@ -165,8 +165,8 @@ def run_stereo(errors: synthetic_stereo.Errors, arguments: argparse.Namespace) -
 def table(rows: dict[str, list[Row]], rig_errors_px: dict[str, str]) -> str:
     baseline_rows = next(iter(rows.values()))
     lines = [
-        "| localized | queries | lost | median mm / ° | mean mm | position / alone [95 %] | rotation / alone [95 %] "
-        "| rig_error_px |",
+        "| localized | queries | without pose | median errors, mm / ° | mean error, mm "
+        "| position error divided by *alone* [95 %] | rotation error divided by *alone* [95 %] | `rig_error_px` |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for name, own_rows in rows.items():

@@ -49,7 +49,7 @@ def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
         }
     lines = [
         f"{fold.scene.name}, {len(fold.query_names)} queries, {len(fold.database_names)} database images\n",
-        "| K | K best images found | 5 best images found | best image found "
+        "| K | share of the K best images found | share of the 5 best images found | best image found "
         "| matches with the K returned images divided by matches with the K best images |",
         "|---|---|---|---|---|",
     ]
@@ -82,8 +82,9 @@ def share(num_inliers: dict[str, int], found: set[str], count: int) -> float:
 
 def growth_table(fold: photo_scenes.Fold, sizes: list[tuple[int, int]]) -> str:
     lines = [
-        "Synthetic descriptors; seconds of one core\n",
-        "| images x features | index, MB | make, s | open, s | remove an image, s | add an image, s |",
+        "Synthetic descriptors\n",
+        "| images x features per image | size of the index, MB | make the index, core-s | open the index, core-s "
+        "| update after removing an image, core-s | update after adding an image, core-s |",
         "|---|---|---|---|---|---|",
     ]
     for count, num_features in sizes:

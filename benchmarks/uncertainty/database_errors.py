@@ -26,7 +26,14 @@ NUM_DATABASE_IMAGES, NUM_QUERIES = 24, 20
 POSITION_STDDEV = 0.3
 EXACT_INTRINSICS = "--LazyLocalizer.Advanced.focal_length_stddev_ratio", 0
 ERRORS_PX = 0, 1, 3, 6
-CASES = (1, "depth"), (1, "position"), (2, ""), (2, "depth"), (3, ""), (3, "depth")
+CASES = {
+    "1 database image, depth map": (1, "depth"),
+    "1 database image, position": (1, "position"),
+    "2 database images": (2, ""),
+    "2 database images, depth maps": (2, "depth"),
+    "3 database images": (3, ""),
+    "3 database images, depth maps": (3, "depth"),
+}
 
 
 def disturbed_depths(depths, rng):
@@ -85,8 +92,7 @@ def main(arguments=None):
     parser.add_argument("--colmap", type=pathlib.Path, help="program; default: build/bin/colmap or $COLMAP")
     options, more = parser.parse_known_args(arguments)
     colmap = options.colmap or find_colmap()
-    titles = [f"{num}, {extra}" if extra else str(num) for num, extra in CASES]
-    print(f"| database poses off by | {' | '.join(titles)} |\n|---|{'---|' * len(CASES)}")
+    print(f"| database poses off by | {' | '.join(CASES)} |\n|---|{'---|' * len(CASES)}")
     for error_px in ERRORS_PX:
         with tempfile.TemporaryDirectory() as name:
             scenes = {}
@@ -94,7 +100,7 @@ def main(arguments=None):
                 folder = pathlib.Path(name) / str(seed)
                 folder.mkdir()
                 scenes[folder] = write_scene(folder, seed, error_px)
-            cells = [cell(colmap, scenes, num, extra, more) for num, extra in CASES]
+            cells = [cell(colmap, scenes, num, extra, more) for num, extra in CASES.values()]
         print(f"| {error_px} px | {' | '.join(cells)} |", flush=True)
 
 

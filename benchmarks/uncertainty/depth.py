@@ -87,7 +87,7 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     colmap = options.colmap or find_colmap()
     print(
-        "| depth error | scale | localized | median error / distance | median NEES (right: 2.4) "
+        "| error of the depths | scale | localized queries | median error / distance | median NEES (right: 2.4) "
         "| 90 % quantile of the NEES (right: 6.3) |"
     )
     print("|---|---|---|---|---|---|")

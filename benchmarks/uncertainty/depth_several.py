@@ -111,6 +111,17 @@ def make_scene(folder, colmap, seed, has_database_pairs):
     return scene, Scene(colmap, *files, centre_of, report.EXACT)
 
 
+def header(label, nums_retrieved):
+    """Returns the first two lines of a table."""
+    titles = (
+        "1 database image: localized; median error / distance; median NEES"
+        if num == 1
+        else f"{num} database images: localized; error ratio; median NEES"
+        for num in nums_retrieved
+    )
+    return f"\n| kind of map, {label} | {' | '.join(titles)} |\n|---|{'---|' * len(nums_retrieved)}"
+
+
 def cell(num_retrieved, runs):
     """runs: (errors without maps, errors with maps) for each scene."""
     values = [value for _, with_maps in runs for value in with_maps.values()]
@@ -128,9 +139,7 @@ def cell(num_retrieved, runs):
 
 def print_synthetic(colmap, num_seeds, num_retrieved_list):
     for is_metric in (False, True):
-        text = "stated to be metric, no matches of database images" if is_metric else "scale by points"
-        print(f"\n| maps, {text} | " + " | ".join(map(str, num_retrieved_list)) + " |")
-        print("|---|" + "---|" * len(num_retrieved_list))
+        print(header("stated to be metric" if is_metric else "scale estimated", num_retrieved_list))
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
             scenes = []
@@ -157,7 +166,7 @@ def print_real(colmap, files, more_options):
     centre_of = {image.name: image.cam_from_world.cam_in_world for image in model.images.values()}
     options = "--LazyLocalizer.leave_one_out", 1, *more_options
     scene = Scene(colmap, files.database_path, files.input_path, centre_of, options)
-    print("| maps | " + " | ".join(map(str, NUMS_RETRIEVED)) + " |\n|---|" + "---|" * len(NUMS_RETRIEVED))
+    print(header(f"scene {files.input_path.parent.name}", NUMS_RETRIEVED))
     without = {num: scene.localize(num) for num in NUMS_RETRIEVED}
     print("| none | " + " | ".join(cell(num, [(without[num], without[num])]) for num in NUMS_RETRIEVED) + " |")
     with tempfile.TemporaryDirectory() as folder:

@@ -15,12 +15,12 @@ GRAVITY_STDDEV_DEG = 1.0
 DOWN = np.array([0.0, 1.0, 0.0])  # in the world of synthetic scenes
 DEPTH_STDDEV_RATIO, DEPTH_SCALE_STDDEV_RATIO = 0.01, 0.02  # of depth maps that are stated to be metric
 EVIDENCE = {
-    "none": (),
-    "position": ("position",),
-    "gravity": ("gravity",),
-    "both": ("position", "gravity"),
-    "depth": ("depth",),
-    "depth and position": ("depth", "position"),
+    "only images": (),
+    "with position": ("position",),
+    "with gravity": ("gravity",),
+    "with position and gravity": ("position", "gravity"),
+    "with depth": ("depth",),
+    "with depth and position": ("depth", "position"),
 }
 
 

@@ -179,7 +179,8 @@ def pair_of(stddevs, errors, unit):
 
 def print_cases(colmap):
     print("## Degenerate cases\n")
-    print("| case, 10 queries | status | position: stated / true | rotation: stated / true | bearing: stated / true |")
+    parts = " | ".join(f"{part}: stated σ / true error" for part in ("position, units", "rotation", "bearing"))
+    print(f"| case, 10 queries | status | {parts} |")
     print("|---|---|---|---|---|")
     reasons = collections.OrderedDict()
     for case, scene in cases():
@@ -224,8 +225,10 @@ def print_cases(colmap):
 
 def print_scenes(colmap, data_paths):
     """Prints medians of the errors of each scene's localized images, with 20 and with 4 database images."""
-    ratios = " ".join(f"| {part}: median of error² / covariance (right: 2.4)" for part in ("position", "rotation"))
-    print(f"## Leave one out\n\n| scene | K | localized | median error, cm / ° {ratios} |")
+    ratios = " ".join(
+        f"| {part}: median of squared error / covariance (right: 2.4)" for part in ("position", "rotation")
+    )
+    print(f"## Leave one out\n\n| scene | K | localized queries | median errors, cm / ° {ratios} |")
     print("|---|---|---|---|---|---|")
     for scene_path in sorted(path.parent for data_path in data_paths for path in data_path.glob("*/database.db")):
         truth = {name: image.cam_from_world for name, image in read_model(scene_path / "model").images.items()}
