@@ -151,7 +151,7 @@ def main(arguments=None):
         time_rows.append(f"| {name} | " + " | ".join(f"{seconds[m]:.2f}" for m in METHODS) + " |")
     taken["all"] = {method: [o for of in taken.values() for o in of[method]] for method in METHODS}
     head = " | ".join(f"{method}: localized [95 %], wrong" for method in METHODS)
-    print("## Stress\n", f"| condition | photos | {head} |", "|---|---|" + "---|" * len(METHODS), sep="\n")
+    print("## Stress\n", f"| condition, N | photos | {head} |", "|---|---|" + "---|" * len(METHODS), sep="\n")
     for kind in dict.fromkeys(outcome.kind for outcome in outcomes["AUTO"]):
         of_kind = {method: [o for o in outcomes[method] if o.kind == kind] for method in METHODS}
         label = kind[0] if kind == AS_TAKEN else f"{kind[0]}, {kind[1]}"
