@@ -48,7 +48,7 @@ class Result:
     keypoints: NDArray[np.float64]  # keypoints of the query, n x 2, x and y in pixels
     points: NDArray[np.float64]  # 3D points that the query observes, m x 3, in world coordinates
     point_keypoints: NDArray[np.int32]  # for each point, the index of the query keypoint that observes it
-    observations: NDArray[np.int32]  # k x 3; row: index in points, in as_dict()["pairs"], in this image's keypoints
+    observations: NDArray[np.int32]  # k x 3; indices of a point, a pair in as_dict(), a keypoint of its database image
 
     def __init__(
         self,
