@@ -610,6 +610,7 @@ def test_run_by_positions_without_rotations(courtyard, photos, tmp_path, capsys)
         (["--scale", "0.png", "5.png", "2", "--panoramas", "all"], "--scale has no effect on panoramas"),
         (["--scale", "0.png", "5.png", "2", "--crs", "EPSG:32632"], "--crs has no effect with --scale"),
         (["--crs", "EPSG:0"], "--crs EPSG:0"),
+        (["--crs", "EPSG:32632"], "--crs EPSG:32632 needs --poses, --control_points, or 3 database images with GPS"),
     ],
 )
 def test_bad_options_are_one_line_before_any_work(courtyard, photos, words, message, tmp_path, capsys):

@@ -26,11 +26,12 @@ from colmap_lazyloc.import_poses import make_source
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.panoramas import REFERENCE, face_cameras, read_face_poses
 from colmap_lazyloc.pose_formats.control_points import ControlPoints
+from colmap_lazyloc.pose_formats.exif_gps import read_photos
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Positions, Source, photo_size
 from colmap_lazyloc.pose_formats.positions import read_positions
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
-from colmap_lazyloc.project.alignment import check_marks
+from colmap_lazyloc.project.alignment import MIN_NUM_PHOTOS, check_marks
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.distance import Distance, read_distance
 from colmap_lazyloc.project.epoch import Survey, adjust_epoch
@@ -105,6 +106,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     sift_options, localizer_options = split(words)
     photos = None if is_video(options.database_images) else _find_database(options, options.database_images)
     query_photos = None if is_video(options.queries) else _find_queries(options)
+    _check_crs(options, photos)
     # The poses of panoramas are read when their faces are cut, and those of a video when it has frames.
     is_early = photos is not None and options.poses is not None and not panorama_roles(options)
     posed = read_posed_images(*_pose_source(options)) if is_early else None
@@ -160,6 +162,22 @@ def _find_database(options: argparse.Namespace, folder: pathlib.Path) -> dict[st
         check_marks(options.surveyed, photos, folder)
     options.distance = None if options.scale is None else read_distance(options.scale, photos)
     return photos
+
+
+def _check_crs(options: argparse.Namespace, photos: Mapping[str, pathlib.Path] | None) -> None:
+    """Raises InputError if the results cannot have geographic coordinates, which --crs needs. `photos`: the database
+    images, None for a video."""
+    is_given = any(given is not None for given in (options.poses, options.positions, options.surveyed))
+    if options.crs is None or is_given:  # what is given is geographic, because --crs says where it is
+        return
+    # The frames of a video and the faces of panoramas have no EXIF.
+    found = read_photos({} if photos is None or DATABASE in panorama_roles(options) else photos)
+    count = sum(photo.altitude_m is not None for photo in found)
+    if count < MIN_NUM_PHOTOS:
+        raise InputError(
+            f"--crs {options.crs} needs --poses, --control_points, or {MIN_NUM_PHOTOS} database images with GPS and an "
+            f"altitude in EXIF; here, {count} have them"
+        )
 
 
 def _open_project(
