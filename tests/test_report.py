@@ -121,6 +121,10 @@ def test_geographic_positions_are_also_those_of_a_reference_system(run_path, tmp
     length = pyproj.Geod(ellps="WGS84").inv(9, 0, 9, 45)[2]  # along the meridian, which UTM scales by 0.9996
     assert projected == pytest.approx([500000, 0.9996 * length, 301.5], abs=1e-3)
     assert np.isnan(np.delete(positions, page.index(name), axis=0)[:, 1:]).all()
+    assert page.queries["systems"][-1]["units"] == ["m", "m", "m"]
+    feet = make_page(folder, tmp_path / "geographic.html", "--crs", "EPSG:2232+6360").queries["systems"][-1]["units"]
+    assert feet == ["US survey foot"] * 3
+    capsys.readouterr()
     make_page(folder, tmp_path / "geographic.html", "--crs", "EPSG:25833")
     (line,) = (line for line in capsys.readouterr().err.splitlines() if "EPSG:25833" in line)
     area = "longitudes 12 to 18.01 and latitudes 34.79 to 84.01"

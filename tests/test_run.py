@@ -30,6 +30,7 @@ from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
+from colmap_lazyloc.results import read_results
 from colmap_lazyloc.serve.map import Source
 from report_pages import ReportPage
 
@@ -167,14 +168,51 @@ def test_table_in_latitude_and_longitude(run, photos, tmp_path, capsys):
     assert ReportPage(output / "report.html").queries["systems"][-1]["axes"] == ["E", "N", "H"]
     assert GeoOrigin.read(output / "model") == ORIGIN
     printed = capsys.readouterr().out
+    assert_are_in_reference_system(output / "localized", "EPSG:32632")
     with (output / "localized" / "positions.csv").open(newline="") as table:
         for row in csv.DictReader(table):
             place = [[float(row[column])] for column in ("latitude_deg", "longitude_deg", "height_m")]
             (found,) = ORIGIN.from_geodetic(*place)
             assert np.linalg.norm(found - photos.poses[row["name"]].cam_in_world) < MAX_POSITION_ERROR
-            assert f"{float(row['latitude_deg']):.8f}" in printed
-    header = r"^query +x \(m\) +y \(m\) +z \(m\) +std. dev. \(m\) +latitude +longitude +height \(m\)$"
-    assert re.search(header, printed, re.MULTILINE), printed
+            assert all(
+                f"{float(row[column]):.{digits}f}" in printed for column, digits in (("latitude_deg", 8), ("E", 3))
+            )
+    header = "query|x (m)|y (m)|z (m)|std. dev. (m)|latitude|longitude|height (m)|E (m)|N (m)|H (m)"
+    assert header_of(printed) == header.split("|")
+    run(tmp_path / "poses.csv", "--geo_origin", origin, "--crs", "EPSG:2232+6360")  # of Colorado
+    assert header_of(capsys.readouterr().out)[-1] == "H (US survey foot)"
+    run(tmp_path / "poses.csv", "--geo_origin", origin, "--crs", "EPSG:32633")
+    assert_are_in_reference_system(output / "localized", "EPSG:32633")
+    run(tmp_path / "poses.csv", "--geo_origin", origin)
+    assert (output / "localized" / "positions.csv").read_text().splitlines()[0].endswith(",top_heading_stddev_deg")
+
+
+def header_of(printed):
+    """Returns the header of the table that `lazyloc run` has printed."""
+    (line,) = (line for line in printed.splitlines() if line.startswith("query "))
+    return re.split("  +", line)
+
+
+def assert_are_in_reference_system(results, crs):
+    """Checks the columns of a projected system: it turns and scales the axes of the model, east and north."""
+    projection = pyproj.Proj(crs)
+    covariances = {
+        name: np.array(result["position_covariance"])
+        for name, result in read_results(results / "results.jsonl").items()
+    }
+    with (results / "positions.csv").open(newline="") as table:
+        rows = list(csv.DictReader(table))
+    assert len(rows) == len(covariances) > 0
+    for row in rows:
+        place = float(row["longitude_deg"]), float(row["latitude_deg"])
+        expected = [*projection(*place), float(row["height_m"])]
+        assert [float(row[axis]) for axis in "ENH"] == pytest.approx(expected, abs=1e-4)
+        factors = projection.get_factors(*place)
+        angle = np.radians(factors.meridian_convergence)
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        turn[:2] *= factors.meridional_scale
+        expected = np.sqrt(np.diag(turn @ covariances[row["name"]] @ turn.T))
+        assert [float(row[f"stddev_{axis}"]) for axis in "ENH"] == pytest.approx(expected, rel=1e-4)
 
 
 def test_metashape_xml(run, photos, tmp_path):

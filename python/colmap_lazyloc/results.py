@@ -16,7 +16,8 @@ from colmap_lazyloc.result_fields import PoseFields, ResultFields
 from colmap_lazyloc.text_files import Path, open_text
 
 # In the output folder of a run.
-RESULTS, MODEL, CHANGES, CONTROL_POINTS = "results.jsonl", "model", "changes.json", "control_points.json"
+RESULTS, MODEL, POSITIONS = "results.jsonl", "model", "positions.csv"
+CHANGES, CONTROL_POINTS = "changes.json", "control_points.json"
 REQUIRED_FIELDS = ("name", "status", "cam_from_world")
 
 
@@ -102,7 +103,7 @@ def _read_findings(folder: pathlib.Path, name: str, fields: set[str]) -> list[di
 def read_geodetic(folder: Path) -> dict[str, list[float]]:
     """Reads latitude, longitude (degrees) and height (metres, above WGS 84) of the localized queries by name from
     positions.csv in the output folder of a run; empty if the run has no geographic coordinates."""
-    path = pathlib.Path(folder) / "positions.csv"
+    path = pathlib.Path(folder) / POSITIONS
     if not path.is_file():
         return {}
     names = ("latitude_deg", "longitude_deg", "height_m")

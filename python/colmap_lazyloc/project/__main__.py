@@ -59,7 +59,7 @@ from colmap_lazyloc.project.photos import (
     link_masks,
     link_photos,
 )
-from colmap_lazyloc.project.positions import position_lines
+from colmap_lazyloc.project.positions import position_lines, write_reference_system
 from colmap_lazyloc.report.facts import METRE
 from colmap_lazyloc.report.run import unit_of
 from colmap_lazyloc.results import RESULTS, pose_of, read_geodetic, read_results
@@ -146,9 +146,9 @@ def _run(arguments: Sequence[str] | None) -> int:
         adjust_epoch(project, stored, options.epoch == "both", survey)
         results = project.folder.epoch
     options.unit = METRE if known is not None else options.unit
+    write_reference_system(results, options.crs)
     _write_report(project, results, options)
-    project.results.link()
-    num_lost = _print_results(results, project.folder.report, queries.shown(), options.unit)
+    num_lost = _print_results(results, project.folder.report, queries.shown(), options)
     if lazy is not None:
         steps.complete_database(project, _select(lazy, {name: name for name in used}), num_neighbors)
     return 1 if not project.folder.report.exists() else EXIT_NOT_LOCALIZED if options.strict and num_lost else 0
@@ -396,7 +396,7 @@ def _has_pose(results: pathlib.Path) -> bool:
 
 
 def _write_report(project: steps.Project, results: pathlib.Path, options: argparse.Namespace) -> None:
-    """Writes the report. If it fails, it warns, because the results are there."""
+    """Writes the report, with links to those of earlier runs. If it fails, it warns, because the results are there."""
     from colmap_lazyloc.report.__main__ import main as write_report
 
     report: pathlib.Path = project.folder.report
@@ -417,16 +417,19 @@ def _write_report(project: steps.Project, results: pathlib.Path, options: argpar
         cause = f"{type(error).__name__}: {error}"
     if not report.exists():
         logger.warning("%s: the report was not written (%s); the results are in %s", report, cause, results)
+    project.results.link()
 
 
-def _print_results(folder: pathlib.Path, report: pathlib.Path, shown: dict[str, str], unit: str | None) -> int:
+def _print_results(
+    folder: pathlib.Path, report: pathlib.Path, shown: dict[str, str], options: argparse.Namespace
+) -> int:
     """Prints where the queries of a folder of results are; `shown`: what they are called, by name.
 
     Returns how many were not localized.
     """
     results = read_results(folder / RESULTS)
     names = {name: text for name, text in shown.items() if name in results}
-    lines = position_lines(results, names, read_geodetic(folder), unit_of(folder, unit))
+    lines = position_lines(results, names, read_geodetic(folder), unit_of(folder, options.unit), options.crs)
     for line in lines[: MAX_NUM_LINES + 1]:
         print(line)
     if len(lines) > MAX_NUM_LINES + 1:

@@ -8,6 +8,7 @@ import numpy as np
 
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.pose_formats.geo import find_crs, from_geodetic, warn_outside
 from colmap_lazyloc.report.facts import METRE
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.results import pose_of, read_geodetic
@@ -43,24 +44,28 @@ def find_systems(run: Run, crs: str | None = None) -> list[System]:
     if crs is not None:
         if not places:
             raise InputError(f"--crs {crs}: {run.path} has no geographic coordinates")
-        systems += _in_reference_system(crs, systems[-1].xyz)
+        system = in_reference_system(crs, systems[-1].xyz)
+        if system is not None:
+            warn_outside(crs, systems[-1].xyz[np.isfinite(systems[-1].xyz).all(axis=1)])
+            systems.append(system)
     return systems
 
 
-def _in_reference_system(crs: str, geodetic: Array) -> list[System]:
-    """Returns positions in a projected or geocentric system; nothing for one of latitudes, which the page has."""
-    from colmap_lazyloc.pose_formats.geo import find_crs, from_geodetic, warn_outside
-
+def in_reference_system(crs: str, geodetic: Array) -> System | None:
+    """Returns latitudes, longitudes and heights, n x 3, in a projected or geocentric system; None for a system of
+    latitudes and longitudes."""
     system = find_crs(crs)
     if system.is_geographic:
-        return []
+        return None
     axes = ("X", "Y", "Z") if system.is_geocentric else ("E", "N", "H")
+    units = [METRE if axis.unit_conversion_factor == 1 else str(axis.unit_name) for axis in system.axis_info]
+    if len(units) == 2:
+        units.append(METRE)  # heights above the ellipsoid
     xyz = np.full(geodetic.shape, np.nan)
     is_known = np.isfinite(geodetic).all(axis=1)
-    warn_outside(crs, geodetic[is_known])
     xyz[is_known] = from_geodetic(system, geodetic[is_known])
     xyz[~np.isfinite(xyz)] = np.nan
-    return [System(crs, axes, (METRE,) * 3, (METRE_DIGITS,) * 3, xyz)]
+    return System(crs, axes, (units[0], units[1], units[2]), (METRE_DIGITS,) * 3, xyz)
 
 
 def length_digits(unit: str, stddevs: Iterable[float]) -> int:
