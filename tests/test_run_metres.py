@@ -279,8 +279,9 @@ def flight(tmp_path_factory):
 def test_run_by_gps(flight, colmap, monkeypatch, tmp_path, capsys):
     folder, poses = flight
     monkeypatch.setenv("COLMAP", str(colmap))
+    monkeypatch.chdir(tmp_path)
     output = tmp_path / "out"
-    words = ["run", "--database_images", folder / "photos", "--queries", folder / "new", "--output", output]
+    words = ["run", "--database_images", folder / "photos", "--queries", folder / "new", "--output", output.name]
     words = [str(word) for word in [*words, "--crs", "EPSG:32632", *photo_scene.SIFT]]
     assert main(words) == 0
     printed = capsys.readouterr()
@@ -295,8 +296,10 @@ def test_run_by_gps(flight, colmap, monkeypatch, tmp_path, capsys):
     notes = ReportPage(output / "report.html").summary["notes"]
     assert f"The coordinates of the database images are {alignment}." in notes
     page = (output / "report.html").read_bytes()
+    monkeypatch.chdir(folder)
     assert main(["report", str(output)]) == 0
-    assert (output / "report.html").read_bytes() == page, "with the photos, the matches and the reference system"
+    assert (output / "report.html").read_bytes() == page, "with the photos, the matches, the alignment, the system"
+    monkeypatch.chdir(tmp_path)
     capsys.readouterr()
     assert main(words) == 0
     assert "aligned" not in capsys.readouterr().err, "nothing is done again"

@@ -85,7 +85,7 @@ def _build(run: Run, sources: Sources, database: DatabaseReader | None) -> tuple
 
 def _query_list(run: Run) -> tuple[dict[str, str], dict[str, Camera | None]]:
     """Returns the lines and the cameras of the query list by name; empty if the run had none or it is not there."""
-    path = run.options.values.get("query_list_path")
+    path = run.query_list
     try:
         return (read_query_lines(path), read_queries(path)) if path else ({}, {})
     except InputError:
@@ -149,7 +149,7 @@ def _notes(run: Run, sources: Sources, num_shown: dict[str, int], has_list: bool
     if run.leave_one_out is not None and run.database is run.model:
         path = run.options.values.get("input_path")
         notes.append(f"Database images are where the run has put them, because its input model {path} was not found.")
-    if run.options.values.get("query_list_path") and not has_list:
+    if run.query_list is not None and not has_list:
         path = run.options.values["query_list_path"]
         notes.append(f"The commands that repeat a query may lack intrinsics, because {path} was not found.")
     if not run.options.program:

@@ -15,7 +15,7 @@ from colmap_lazyloc.model import Image, Model, poses_of, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose, pose_errors
 from colmap_lazyloc.progress import progress
-from colmap_lazyloc.project.folder import ALIGNMENT, ARBITRARY_AXES, LOCALIZED
+from colmap_lazyloc.project.folder import ALIGNMENT, ARBITRARY_AXES, LOCALIZED, Folder
 from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 from colmap_lazyloc.report.geometry import stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
@@ -25,6 +25,7 @@ from colmap_lazyloc.results import (
     RESULTS,
     Change,
     ControlResidual,
+    find_run,
     pose_of,
     read_changes,
     read_control_residuals,
@@ -50,6 +51,7 @@ class Run:
     changes: list[Change]  # between two epochs, changes.json
     control: list[ControlResidual]  # control_points.json
     places_before: dict[str, Array]  # of photos that were adjusted together, by name
+    project: Folder | None  # of `lazyloc run`
 
     @property
     def title(self) -> str:
@@ -112,7 +114,15 @@ class Run:
 
     @property
     def _input_model(self) -> pathlib.Path:
-        return pathlib.Path(self.options.values.get("input_path", ""))
+        return _input_model(self.options, self.project)
+
+    @property
+    def query_list(self) -> pathlib.Path | None:
+        """Returns the path of the query list; None if the run had none."""
+        path = self.options.values.get("query_list_path")
+        if not path:
+            return None
+        return pathlib.Path(path) if self.project is None else self.project.lists / pathlib.Path(path).name
 
     @property
     def written(self) -> str:
@@ -146,8 +156,9 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str
     model = read_model(path / "model")
     _check_model(path, results, model)
     options = read_options(path / "options.ini")
+    project = find_run(path).project
     leave_one_out = _read_leave_one_out(path / "leave_one_out.json", results)
-    database = _database(model, results, options, leave_one_out is not None)
+    database = _database(model, results, _input_model(options, project), leave_one_out is not None)
     if truth is None:
         truth = {}
         if leave_one_out is not None and database is not model:
@@ -165,7 +176,14 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str
         read_changes(path),
         read_control_residuals(path),
         _places_before(path, results),
+        project,
     )
+
+
+def _input_model(options: RunOptions, project: Folder | None) -> pathlib.Path:
+    """Returns the folder of the input model: that of a project, because `lazyloc run` may have stored a path relative
+    to another folder."""
+    return pathlib.Path(options.values.get("input_path", "")) if project is None else project.model
 
 
 def _places_before(path: pathlib.Path, results: Mapping[str, ResultFields]) -> dict[str, Array]:
@@ -243,7 +261,9 @@ def _read_leave_one_out(path: pathlib.Path, results: dict[str, ResultFields]) ->
     return summary
 
 
-def _database(model: Model, results: dict[str, ResultFields], options: RunOptions, is_leave_one_out: bool) -> Model:
+def _database(
+    model: Model, results: dict[str, ResultFields], input_model: pathlib.Path, is_leave_one_out: bool
+) -> Model:
     """Returns the posed images with which queries were compared.
 
     In a leave-one-out run these are the images of the input model. If that is not there any more, they are those of the
@@ -252,7 +272,7 @@ def _database(model: Model, results: dict[str, ResultFields], options: RunOption
     if not is_leave_one_out:
         return Model(model.cameras, {name: image for name, image in model.images.items() if name not in results})
     try:
-        database = read_model(options.values.get("input_path", ""))
+        database = read_model(input_model)
     except InputError:
         return model
     return database if results.keys() <= database.images.keys() else model
