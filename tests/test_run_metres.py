@@ -359,6 +359,9 @@ def test_photos_without_a_pose_of_the_mapper_are_named(photos, colmap, monkeypat
     assert main([str(word) for word in words]) == 0
     line = "COLMAP's mapper found no pose of 1 of 7 photos, which are not used: database/mirrored.png"
     assert line in capsys.readouterr().err
+    warnings = ReportPage(tmp_path / "out" / "report.html").summary["warnings"]
+    (warning,) = (warning for warning in warnings if warning["title"] == "Database images without poses")
+    assert [item["name"] for item in warning["items"]] == ["database/mirrored.png"]
 
 
 def test_run_by_marked_points(courtyard, photos, capsys):

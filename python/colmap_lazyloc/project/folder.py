@@ -48,6 +48,7 @@ LOCALIZED, EPOCH, REPORT, RUN, EARLIER = (
 STAGED = "staged"  # what a step makes before it replaces what an earlier run has made
 MATCHES = "matches.db"  # features and matches of the photos, in the folder of an epoch
 ALIGNMENT = "alignment.txt"  # beside a model of the mapper: where its metres come from, and what is inaccurate
+WITHOUT_POSES = "without_poses.txt"  # beside a model of the mapper: the photos of which it found no pose, one a line
 ARBITRARY_AXES = "arbitrary_axes.txt"  # beside a model none of whose axes is known to point up; lazy_localizer reads it
 # Of no step; "converted" and the results are kept, the others are written anew.
 OTHER_FILES = ("converted", "images", "masks", "lists", STAGED, LOCALIZED, EPOCH, REPORT, RUN, EARLIER)

@@ -36,6 +36,7 @@ from colmap_lazyloc.project.folder import (
     ALIGNMENT,
     ARBITRARY_AXES,
     MATCHES,
+    WITHOUT_POSES,
     Folder,
     Steps,
     content,
@@ -331,6 +332,8 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None, fo
         for line in lines[1:]:
             logger.warning(line)
         (folder.model / ALIGNMENT).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    if lost:
+        (folder.model / WITHOUT_POSES).write_text("".join(f"{name}\n" for name in lost), encoding="utf-8")
     if not is_level:
         text = "No axis of this model is known to point up, so results have no heading, pitch and roll."
         (folder.model / ARBITRARY_AXES).write_text(f"{text}\n", encoding="utf-8")

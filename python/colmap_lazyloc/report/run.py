@@ -15,7 +15,7 @@ from colmap_lazyloc.model import Image, Model, poses_of, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose, pose_errors
 from colmap_lazyloc.progress import progress
-from colmap_lazyloc.project.folder import ALIGNMENT, ARBITRARY_AXES, LOCALIZED, Folder
+from colmap_lazyloc.project.folder import ALIGNMENT, ARBITRARY_AXES, LOCALIZED, WITHOUT_POSES, Folder
 from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 from colmap_lazyloc.report.geometry import stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
@@ -103,8 +103,12 @@ class Run:
     @property
     def alignment(self) -> list[str]:
         """Returns where the metres of the mapper's model come from, and what is inaccurate; empty for other models."""
-        path = self._input_model / ALIGNMENT
-        return path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+        return _lines(self._input_model / ALIGNMENT)
+
+    @property
+    def without_poses(self) -> list[str]:
+        """Returns the names of the photos of which the mapper has found no pose; empty for other models."""
+        return _lines(self._input_model / WITHOUT_POSES)
 
     @property
     def is_level(self) -> bool:
@@ -178,6 +182,11 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str
         _places_before(path, results),
         project,
     )
+
+
+def _lines(path: pathlib.Path) -> list[str]:
+    """Returns the lines of a file; empty if there is none."""
+    return path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
 
 
 def _input_model(options: RunOptions, project: Folder | None) -> pathlib.Path:

@@ -60,6 +60,7 @@ def find_warnings(run: Run, size: float, database: DatabaseReader | None, gaps: 
     found = [
         _changes(run),
         _inaccurate_alignment(run),
+        _without_poses(run),
         _contradicted_poses(run, database),
         *(find(run) for find in finders),
         _same_place(run, size),
@@ -97,6 +98,15 @@ def _inaccurate_alignment(run: Run) -> tuple[str, str, list[Item]]:
     explanation = "The standard deviations of the queries do not include this error of the coordinates."
     items = [_item("all images:", -1, line) for line in run.alignment[1:]]
     return "Orientation or lengths are inaccurate", explanation, items
+
+
+def _without_poses(run: Run) -> tuple[str, str, list[Item]]:
+    """Names the photos of which COLMAP's mapper found no pose."""
+    explanation = (
+        "COLMAP's mapper found no pose of these photos, so they are not used. They may overlap too little with the "
+        "other photos: photos from places between them help."
+    )
+    return "Database images without poses", explanation, [_item(name, -1, "") for name in run.without_poses]
 
 
 def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str, str, list[Item]]:
