@@ -467,15 +467,22 @@ def test_the_line_that_ends_a_run_makes_its_report(localize, noisy, tmp_path):
     assert page.summary["program"].startswith("colmap_lazyloc ") and "COLMAP" in page.summary["program"]
 
 
-def test_commands_repeat_a_query_alone(real, colmap, tmp_path):
+@pytest.mark.parametrize("is_package", [False, True])
+def test_commands_repeat_a_query_alone(real, colmap, tmp_path, monkeypatch, is_package):
+    """A package has the command lazy_localizer; the wheel has no `colmap`."""
     files, run = real
-    page = make_page(run.output_path, tmp_path / "page.html", "--database_path", files.database_path)
     (tmp_path / "bin").mkdir()
-    (tmp_path / "bin" / "colmap").symlink_to(colmap)
-    environment = {**os.environ, "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}"}
+    if is_package:
+        program = tmp_path / "bin" / "lazy_localizer"
+        program.write_text(f'#!/bin/sh\nexec {colmap} lazy_localizer "$@"\n')
+        program.chmod(0o755)
+    else:
+        (tmp_path / "bin" / "colmap").symlink_to(colmap)
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:/usr/bin:/bin")
+    page = make_page(run.output_path, tmp_path / "page.html", "--database_path", files.database_path)
     name = files.scene.query_names[1]
     command = page.chunks["details/0"]["commands"][page.index(name)]
-    done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    done = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     repeated = read_results(tmp_path / "repeated" / "results.jsonl")
     assert list(repeated) == [name]

@@ -4,6 +4,7 @@ import functools
 import itertools
 import pathlib
 import shlex
+import shutil
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.report.run import Run
@@ -18,6 +19,8 @@ class RepeatCommands:
 
     def __init__(self, run: Run, query_lines: dict[str, str]):
         self._run, self._query_lines = run, query_lines
+        # The wheel and the Debian package have a command of this name, and the wheel has no `colmap`.
+        self._program = "lazy_localizer" if shutil.which("lazy_localizer") else "colmap lazy_localizer"
         self._groups = _groups(run, query_lines)
 
     def command(self, result: ResultFields) -> str:
@@ -34,14 +37,14 @@ class RepeatCommands:
         options["output_path"] = "repeated"
         has_group_list = bool(values.get("LazyLocalizer.Advanced.group_list_path"))
         if len(names) > MAX_NUM_TOGETHER or (has_group_list and any(len(name.split()) > 1 for name in names)):
-            return f"colmap lazy_localizer {_join(options)}"
+            return f"{self._program} {_join(options)}"
         options["query_list_path"] = "repeated.txt"
         files = {"repeated.txt": [self._line(name) for name in names]}
         if has_group_list:
             options["LazyLocalizer.Advanced.group_list_path"] = "repeated_group.txt"
             files["repeated_group.txt"] = [" ".join(names)]
         prints = [f"printf '%s\\n' {shlex.join(lines)} > {path}" for path, lines in files.items()]
-        return " && ".join([*prints, f"colmap lazy_localizer {_join(options)}"])
+        return " && ".join([*prints, f"{self._program} {_join(options)}"])
 
     def _line(self, name: str) -> str:
         """Returns a line of the query list; if the list is not there any more, with the intrinsics that it gave."""
