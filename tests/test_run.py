@@ -442,6 +442,29 @@ def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
     assert shown == [(0, 20, "photos have poses"), *COUNTS, (1, 4, "queries"), "cleared", "line", "drawn"]
 
 
+def test_progress_of_the_mapper_does_not_go_back_when_a_second_model_begins(monkeypatch, caplog):
+    monkeypatch.setattr(progress, "terminal_bar", lambda: None)
+    monkeypatch.setattr(progress, "SECONDS_PER_LINE", -1)
+    caplog.set_level("INFO", logger="colmap_lazyloc")
+    bar = ProgressBar("mapping", 20, "photos have poses")
+    begin, pair, image = LOG[1], LOG[2], "I1 incremental_mapper.cc:375] Registering image #6 ({})"
+    for line in (begin, pair, begin, pair, image.format(7), image.format(6), begin, pair, image.format(3), begin):
+        bar.read(line, {})
+    counts = [message.partition(", about")[0] for message in caplog.messages[1:]]
+    looking = "looking for two photos to begin with: 0 s passed"
+    first = [
+        looking,
+        "2 of 20 photos have poses",
+        looking,
+        "2 of 20 photos have poses",
+        *2 * ["7 of 20 photos have poses"],
+    ]
+    others = "7 of 20 photos have poses; trying to connect the others"
+    assert counts == [*first, *4 * [others]]
+    bar.read(image.format(8), {})
+    assert caplog.messages[-1].startswith("8 of 20 photos have poses, about")
+
+
 def test_bar_without_a_total_shows_what_is_done_and_the_time(monkeypatch):
     formats = []
 

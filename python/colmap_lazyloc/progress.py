@@ -15,11 +15,11 @@ Item = TypeVar("Item")
 PROCESSED = re.compile(r"(?:file|image) \[(\d+)/(\d+)\]")  # extracted, indexed or matched
 REGISTERED = re.compile(r"Registering image #\d+ \((?:num_reg_frames=)?(\d+)\)")  # of COLMAP 3 or 4
 INITIALIZED = "Initializing with image pair"
+BEGINNING = "Finding good initial image pair"
 # What COLMAP's mapper does before the first photos have poses, by its log.
-PREPARATIONS = {
-    "Loading database": "loading the matches",
-    "Finding good initial image pair": "looking for two photos to begin with",
-}
+PREPARATIONS = {"Loading database": "loading the matches", BEGINNING: "looking for two photos to begin with"}
+POSES = "photos have poses"
+NEXT_MODEL = "photos have poses; trying to connect the others"
 SECONDS_PER_LINE = 30.0  # where there is no bar
 SECONDS_PER_TICK = 1.0
 
@@ -59,6 +59,7 @@ class ProgressBar:
         self._bar = bar and bar(leave=False, total=total or None, postfix=what or None, bar_format=form)
         self._total = total
         self._shown = 0, total, what
+        self._num_poses, self._is_next_model = 0, False  # in the largest model so far; whether there was one before
         self._begin = time.monotonic()
         self._time = self._begin
         self._lock = threading.RLock()
@@ -90,13 +91,22 @@ class ProgressBar:
         if match := PROCESSED.search(line):
             self.show(int(match[1]), int(match[2]), "photos")
         elif match := REGISTERED.search(line):
-            self.show(int(match[1]), self._total, "photos have poses")
+            self._show_poses(int(match[1]))
         elif INITIALIZED in line:
-            self.show(2, self._total, "photos have poses")
+            self._show_poses(2)
+        elif BEGINNING in line and self._num_poses > 2:  # the mapper has found more than two to begin with
+            self._is_next_model = True
+            self._show_poses(0)
         elif text := next((text for part, text in PREPARATIONS.items() if part in line), None):
             self.show(0, self._total, text)
         elif result:
             self.show(result["done"], result["of"], "queries")
+
+    def _show_poses(self, count: int) -> None:
+        """Shows how many photos have poses in the largest model; `count`: in the one that grows."""
+        self._num_poses = max(self._num_poses, count)
+        is_smaller = self._is_next_model and count < self._num_poses
+        self.show(self._num_poses, self._total, NEXT_MODEL if is_smaller else POSES)
 
     def show(self, done: int, total: int, what: str) -> None:
         """Shows that this many are done; if none is, `what` may also say what is being done."""
@@ -127,7 +137,8 @@ class ProgressBar:
         if total == 0 or what in PREPARATIONS.values():
             logger.info("%s%s passed", f"{what}: " if what else "", _duration(passed))
             return
-        left = f", about {_duration(passed / done * (total - done))} left" if 0 < done < total else ""
+        has_end = 0 < done < total and what != NEXT_MODEL
+        left = f", about {_duration(passed / done * (total - done))} left" if has_end else ""
         logger.info("%d of %d %s%s", done, total, what, left)
 
 
