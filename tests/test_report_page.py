@@ -215,6 +215,36 @@ def test_the_column_of_positions_names_the_reference_system(browser, run, tmp_pa
     assert [text for text in headers if "E, N, H" in text] == ["EPSG:32632: E, N, H (m)"], headers
 
 
+@pytest.mark.parametrize("width", [390, 1280])
+def test_start_and_end_of_long_names_are_in_sight(browser, page_path, width):
+    report = browser.open(page_path, width=width)
+    report.page.evaluate("""() => {
+      const {queries, scene} = window.report.data;
+      queries.names.forEach((_, i) => { queries.names[i] = `query/front/PXL_20230514_1015${30000 + i}.jpg`; });
+      scene.databaseNames.forEach((_, i) => { scene.databaseNames[i] = `database/PXL_20230514_1015${30000 + i}.jpg`; });
+    }""")
+    search = report.page.get_by_role("searchbox")
+    search.fill("f")
+    search.fill("")  # so that the rows are made again
+    report.page.get_by_role("grid").press("End")
+    bar = report.page.locator(".open-bar strong")
+    # The two parts of each name must be in the box, and wide enough for some characters.
+    measure = """element => {
+      const {left, right} = element.getBoundingClientRect();
+      const parts = [...element.children].map(part => part.getBoundingClientRect());
+      return [element.textContent, Math.min(...parts.map(part => part.width)),
+        parts[0].left >= left - 1 && parts.at(-1).right <= right + 1, parts.length]; }"""
+    row = report.page.locator('.row[aria-selected="true"] .cut-name')
+    found = [row.evaluate(measure), bar.evaluate(measure)]
+    report.page.get_by_role("grid").press("Enter")
+    report.wait_for("() => document.querySelector('.pair-table tbody th')")
+    found.append(report.page.locator(".pair-table .cut-name").first.evaluate(measure))
+    for text, smallest, is_inside, num_parts in found:
+        assert re.fullmatch(r"(query/front|database)/PXL_20230514_10153\d+\.jpg", text)
+        assert smallest > 15 and is_inside and num_parts == 2, text
+    assert report.problems == []
+
+
 @pytest.mark.parametrize("width, color_scheme", [(1280, "light"), (1280, "dark"), (390, "light")])
 def test_nothing_is_cut_off(browser, page_path, width, color_scheme):
     report = browser.open(page_path, width=width, color_scheme=color_scheme)

@@ -51,6 +51,16 @@ export function visibleText(text: string): string {
     .replace(/\u007f/g, "\u2421");
 }
 
+const NUM_LAST = 10; // characters of a name that are always shown: often its number and its ending
+
+// Returns children for a name that is cut off in its middle where there is no room, because names differ at their ends.
+export function nameParts(name: string): HTMLElement[] {
+  const characters = [...name];
+  const last = characters.length > 2 * NUM_LAST ? NUM_LAST : 0;
+  const parts = [characters.slice(0, characters.length - last), characters.slice(characters.length - last)];
+  return parts.filter((part) => part.length > 0).map((part) => make("bdi", {}, part.join("")));
+}
+
 export function reducedMotion(): boolean {
   return window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 }

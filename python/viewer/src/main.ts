@@ -1,7 +1,7 @@
 // Starts the report page: loads its data and builds what it shows.
 import { positionTable } from "./coordinates";
 import { copyButton } from "./copy";
-import { button, make, visibleText } from "./dom";
+import { button, make, nameParts, visibleText } from "./dom";
 import { makeHead } from "./head";
 import { watchKeys } from "./keyboard";
 import { addChunk, loadChunks, loadDetails } from "./load";
@@ -49,7 +49,7 @@ async function start(root: HTMLElement): Promise<void> {
 
 // Returns a bar at the bottom of the window that leads to the query page while that is out of sight.
 function openBar(names: string[], selection: Selection, page: QueryPage): HTMLElement {
-  const name = make("strong", {});
+  const name = make("strong", { class: "cut-name" });
   const bar = make(
     "div",
     { class: "open-bar", hidden: true },
@@ -60,7 +60,7 @@ function openBar(names: string[], selection: Selection, page: QueryPage): HTMLEl
   let isInSight = false;
   const update = () => {
     bar.hidden = isInSight || selection.query < 0;
-    name.textContent = selection.query < 0 ? "" : visibleText(names[selection.query]);
+    name.replaceChildren(...(selection.query < 0 ? [] : nameParts(visibleText(names[selection.query]))));
   };
   new IntersectionObserver(
     (entries) => {

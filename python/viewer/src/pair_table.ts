@@ -1,6 +1,6 @@
 // Lists the database images that share matches with a query, with bars for inliers and errors.
 import type { Details, Scene } from "./data";
-import { help, make, visibleText } from "./dom";
+import { help, make, nameParts, visibleText } from "./dom";
 import { formatCount, formatDegrees } from "./format";
 
 const NUM_SHOWN = 12;
@@ -41,7 +41,7 @@ function tableRow(pair: Pair, scene: Scene, max: Maxima, onPoint: (image: number
   const row = make(
     "tr",
     { class: pair.isUsed ? "" : "unused", title: pair.isUsed ? null : "not used for the pose" },
-    make("th", { scope: "row", title: name }, make("bdi", {}, name)),
+    make("th", { scope: "row", title: name, "aria-label": name }, make("span", { class: "cut-name" }, ...nameParts(name))),
     bar("inliers", formatCount(pair.numInliers), pair.numInliers / max.numInliers),
     bar("angle", formatDegrees(pair.rotationErrorDeg), pair.rotationErrorDeg / max.rotationErrorDeg),
     bar("angle", formatDegrees(pair.directionErrorDeg), pair.directionErrorDeg / max.directionErrorDeg),

@@ -2,7 +2,7 @@
 import { queryColor, statusLabel } from "./colors";
 import { type Column, tableColumns } from "./columns";
 import type { Queries, Summary } from "./data";
-import { button, make } from "./dom";
+import { button, make, nameParts } from "./dom";
 import { formatCount } from "./format";
 import { sortedIndices } from "./sort";
 import type { Selection } from "./selection";
@@ -120,8 +120,8 @@ export class Table {
       make("div", { class: "rowgroup", role: "rowgroup" }, head),
       this.body,
     );
-    // On a phone, the end of a name leaves room for the position.
-    const widths = this.columns.map(({ width }, i) => (i === 0 ? `min(${width}rem, 26vw)` : `${width}rem`));
+    // On a phone, a name leaves room for the position.
+    const widths = this.columns.map(({ width }, i) => (i === 0 ? `min(${width}rem, 34vw)` : `${width}rem`));
     const ranges = this.columns.map(({ growth }, i) => `minmax(${widths[i]}, ${growth ? `${growth}fr` : widths[i]})`);
     grid.style.setProperty("--columns", ranges.join(" "));
     grid.style.setProperty("--width", `calc(${widths.join(" + ")})`);
@@ -289,8 +289,10 @@ export class Table {
     if (column.kind === "status") cell.append(statusMark(this.summary, this.queries, query));
     const confidence = this.queries.confidence[query];
     if (column.kind === "confidence" && !Number.isNaN(confidence)) cell.append(meter(confidence));
-    // The end of a name is shown, because it differs: the text runs from left to right in a box that is cut off at its left.
-    cell.append(make("span", {}, column.id === "name" ? make("bdi", {}, text) : text));
+    if (column.id === "name") {
+      cell.append(make("span", { class: "cut-name" }, ...nameParts(text)));
+      cell.setAttribute("aria-label", text); // not in two parts
+    } else cell.append(make("span", {}, text));
     if (column.kind === "text") cell.title = text;
     if (column.kind === "status") cell.title = this.queries.reasons[query];
     return cell;
