@@ -197,6 +197,29 @@ def test_true_poses_may_have_the_names_of_the_photos(write, run, fails, tmp_path
     assert "run: " in fails(str(tmp_path / "run"), "--ground_truth", truth)
 
 
+def test_a_trajectory_of_tum_has_true_poses(write, run, fails, tmp_path):
+    """The first photo is at the time of a pose, the second between two, and the third after the last."""
+    lines = []
+    for step, time in enumerate(("1305031102.1", "1305031102.2", "1305031102.3")):
+        x, y, z, w = turned(-2 * step).inv().as_quat()
+        centre = " ".join(f"{value:.17g}" for value in CENTRE + [0.1 * step, 0, 0])
+        lines.append(f"{time} {centre} {x:.17g} {y:.17g} {z:.17g} {w:.17g}\n")
+    truth = write("groundtruth.txt", "# timestamp tx ty tz qx qy qz qw\n" + "".join(lines))
+    names = [f"query/13050311{second}.png" for second in ("02.100000", "02.250000", "04.000000")]
+    poses = [pose_line(names[0], CENTRE + [0.01, 0, 0]), pose_line(names[1], CENTRE + [0.15, 0, 0], turned(-2))]
+    write("run/poses.txt", "".join(poses))
+    write_results(write, "run/results.jsonl", dict.fromkeys(names, "LOCALIZED"))
+    figures, _ = run(str(tmp_path / "run"), "--ground_truth", truth)
+    errors = [(query["position_error"], query["rotation_error_deg"]) for query in figures["queries"].values()]
+    assert list(figures["queries"]) == names[:2]
+    np.testing.assert_allclose(errors, [(0.01, 0), (0, 1)], atol=1e-6)
+    write_results(write, "run/results.jsonl", {"a.png": "LOCALIZED"})
+    write("run/poses.txt", pose_line("a.png"))
+    assert "groundtruth.txt: no photo is at a time of the trajectory" in fails(
+        str(tmp_path / "run"), "--ground_truth", truth
+    )
+
+
 def test_a_model_with_geographic_coordinates_is_in_metres(write, run):
     truth = write_model(write, "model", [pose_line("a")])
     estimated = write("estimated.txt", pose_line("a", CENTRE + [0.2, 0, 0]))

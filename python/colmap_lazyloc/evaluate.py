@@ -4,12 +4,14 @@
 
 ESTIMATED is the output folder of `colmap lazy_localizer`. ESTIMATED and TRUTH may also be files with lines
 `name qw qx qy qz tx ty tz` (cam_from_world, as in poses.txt), or folders with a COLMAP model, text or binary.
-`lazyloc import` makes a COLMAP model from poses in other formats. TRUTH may have the names of the photos without the
-folder `query/` of `lazyloc run`.
+TRUTH may also be a trajectory in TUM's format, `timestamp tx ty tz qx qy qz qw` (world_from_cam); a query's time is the
+last number in its file name. `lazyloc import` makes a COLMAP model from poses in other formats. TRUTH may have the
+names of the photos without the folder `query/` of `lazyloc run`.
 Mean and median are of the localized queries. The recall is of all queries: a query without a pose is a failure.
 """
 
 import argparse
+import dataclasses
 import json
 import pathlib
 import sys
@@ -21,6 +23,11 @@ import numpy as np
 from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError, Parser, command, logger
 from colmap_lazyloc.model import ModelLike, poses_of, read_model
+from colmap_lazyloc.pose_formats.assembly import assemble_poses
+from colmap_lazyloc.pose_formats.posed_images import Photos, Source
+from colmap_lazyloc.pose_formats.raw_poses import errors_named
+from colmap_lazyloc.pose_formats.registry import FORMATS
+from colmap_lazyloc.pose_formats.signatures import Head
 from colmap_lazyloc.poses import Pose, PoseLike, read_poses
 from colmap_lazyloc.queries import read_queries
 from colmap_lazyloc.results import RESULTS, find_run, read_results, under_names_of
@@ -72,6 +79,28 @@ def read_any_poses(path: pathlib.Path) -> dict[str, Pose]:
     if not path.is_dir():
         return read_poses(path)
     return poses_of(read_model(path))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Queries(Photos):
+    """Queries in the place of photos in a folder."""
+
+    listed: tuple[str, ...] = ()
+    names = property(lambda self: sorted(self.listed))
+
+
+def read_true_poses(path: pathlib.Path, queries: Collection[str]) -> dict[str, Pose]:
+    """Reads true poses by name: as `read_any_poses`, or a trajectory in TUM's format, whose poses belong to queries by
+    the times in their names."""
+    tum = FORMATS["tum"]
+    if not path.is_file() or not tum.is_one(head := Head(path)) or head.first_row[0] in queries:
+        return read_any_poses(path)
+    source = Source(path, _Queries(path.parent, listed=tuple(queries)))
+    with errors_named(path):
+        poses = assemble_poses(tum.parse(source), tum.convention, source)
+    if len(poses) < len(queries):
+        logger.warning("%s has no pose of %d queries", path, len(queries) - len(poses))
+    return poses
 
 
 def evaluate(
@@ -216,7 +245,10 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "estimated_poses", type=pathlib.Path, help="output folder of a run, poses file, or folder with a COLMAP model"
     )
     parser.add_argument(
-        "--ground_truth", type=pathlib.Path, required=True, help="poses file, or folder with a COLMAP model"
+        "--ground_truth",
+        type=pathlib.Path,
+        required=True,
+        help="poses file, folder with a COLMAP model, or trajectory in TUM's format",
     )
     parser.add_argument(
         "--query_list_path",
@@ -250,8 +282,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
 @command(name="lazyloc evaluate")
 def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
-    estimated, truth = read_any_poses(options.estimated_poses), read_any_poses(options.ground_truth)
-    queries = _read_queries(options.estimated_poses)
+    estimated, queries = read_any_poses(options.estimated_poses), _read_queries(options.estimated_poses)
+    truth = read_true_poses(options.ground_truth, {*estimated} if queries is None else queries)
     truth = under_names_of({*estimated, *(queries or ())}, truth)
     names, are_queries_known = choose_queries(estimated, queries, truth, options)
     errors = evaluate(estimated, truth, names)

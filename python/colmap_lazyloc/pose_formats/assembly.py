@@ -57,6 +57,12 @@ def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImag
     return PosedImages(images, origin, convention)
 
 
+def assemble_poses(raw: RawPoses, convention: Convention, source: Source) -> dict[str, Pose]:
+    """Returns the poses of photos by name, without intrinsics."""
+    poses, _ = _assemble(raw, convention, raw.frame, source, lambda name, _, pose: (name, pose))
+    return dict(poses)
+
+
 def assemble_positions(raw: RawPoses, source: Source) -> Positions:
     """Returns where the photos of a file were taken, whose rotations mean nothing."""
     frame = _frame(raw.frame, source)
