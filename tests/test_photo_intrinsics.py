@@ -46,13 +46,13 @@ def take_photo(courtyard):
 def run_photos(photos, localize, tmp_path):
     """Returns a function that localizes the files of a folder, by default without any option for their cameras."""
 
-    def run(*options, words=""):
+    def run(*options, words="", database=photos.database_path):
         names = sorted(path.name for path in tmp_path.iterdir() if path.suffix in (".png", ".jpg"))
         queries = tmp_path / "queries.txt"
         queries.write_text("".join(f"{name}{words}\n" for name in names))
         done = localize(
             "--database_path",
-            photos.database_path,
+            database,
             "--input_path",
             photos.model_path,
             "--image_path",
@@ -69,15 +69,25 @@ def run_photos(photos, localize, tmp_path):
 
 
 @pytest.fixture
-def run_with_exif(photos, take_photo, run_photos, tmp_path):
-    """Returns a function that localizes photos with the given fields in EXIF, and gives a database image other ones."""
+def run_with_exif(photos, take_photo, run_photos, colmap, tmp_path):
+    """Returns a function that localizes photos with the given fields in EXIF, and gives a database image other ones.
+    `is_stored`: COLMAP's commands store the photos and their matches in the database before."""
 
-    def run(of_database, of_queries):
+    def run(of_database, of_queries, is_stored=False):
         name = photos.database_names[0]  # found below --image_path; its file has another format than its name says
         (tmp_path / name).parent.mkdir()
         for file, fields in {name: of_database, **of_queries}.items():
             exif.write_jpeg(tmp_path / file, take_photo(), **fields)
-        return run_photos().results
+        if not is_stored:
+            return run_photos().results
+        database, listed = tmp_path / "stored.db", tmp_path / "stored.txt"
+        shutil.copy(photos.database_path, database)
+        listed.write_text("".join(f"{file}\n" for file in of_queries))
+        extraction = ("--image_path", tmp_path, "--image_list_path", listed)
+        for command, *words in (("feature_extractor", *extraction), ("exhaustive_matcher",)):
+            words += ["--database_path", database, program.gpu_option(colmap, command), 0]
+            program.run_colmap(colmap, command, *words)
+        return run_photos(database=database).results
 
     return run
 
@@ -151,7 +161,8 @@ def test_another_model_in_exif_excludes_the_camera_of_the_database(run_with_exif
     assert results["two.jpg"]["intrinsics_source"] == "exif"
 
 
-def test_a_focal_length_that_is_wrong_in_all_exif_does_not_exclude_the_camera_of_the_database(run_with_exif):
+@pytest.mark.parametrize("is_stored", [False, True])
+def test_a_focal_length_that_is_wrong_in_all_exif_does_not_exclude_the_camera_of_the_database(run_with_exif, is_stored):
     """EXIF of some drones is off by a third. Intrinsics that were given for the database images are not from EXIF."""
     results = run_with_exif(
         {"focal_length_35mm": 20, "model": "One"},
@@ -159,10 +170,11 @@ def test_a_focal_length_that_is_wrong_in_all_exif_does_not_exclude_the_camera_of
             "same.jpg": {"focal_length_35mm": 20, "model": "One"},
             "other.jpg": {"focal_length_35mm": 21, "model": "One"},
         },
+        is_stored,
     )
     assert results["same.jpg"]["intrinsics_source"] == "database_camera"
     assert results["same.jpg"]["intrinsics"]["origin"] == "model"
-    assert results["other.jpg"]["intrinsics_source"] == "exif"
+    assert results["other.jpg"]["intrinsics_source"] == ("database" if is_stored else "exif")
 
 
 def test_photos_of_one_camera_share_its_estimate(photos, run_photos, tmp_path):

@@ -24,8 +24,6 @@ namespace {
 constexpr size_t kNumSampledImages = 50;
 // Maximum number of database images that a photo is matched with one by one: an index is faster only for more.
 constexpr size_t kMaxNumExhaustive = 50;
-// Maximum number of image files that are read for a photo of a new size, because each takes as long as the photo.
-constexpr size_t kMaxNumFiles = 20;
 
 std::vector<double> ParseCameraParams(const std::string& text) {
   std::vector<double> params;
@@ -109,9 +107,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       database_path_(database.Path()),
       default_camera_(ParseDefaultCamera(options)),
       features_(NumBytes, options.CacheBytes()),
-      coarse_features_([](const auto& features) { return features ? NumBytes(*features) : 0; }, options.CacheBytes()),
-      camera_properties_(
-          [](const PhotoProperties& properties) { return sizeof(PhotoProperties) + properties.exif_camera.size(); }) {
+      coarse_features_([](const auto& features) { return features ? NumBytes(*features) : 0; }, options.CacheBytes()) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
   const DescriptorCounts counts = features.ReadDescriptorCounts(&damages);
@@ -289,31 +285,6 @@ PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, c
   return chosen;
 }
 
-std::vector<DatabaseCamera> PhotoLoader::CamerasLike(const PhotoProperties& photo) const {
-  std::vector<DatabaseCamera> cameras = selection_.PosedCameras().OfSize(photo.width, photo.height);
-  if (photo.exif_camera.empty()) return cameras;
-  for (size_t i = 0; i < std::min(cameras.size(), kMaxNumFiles); ++i) {
-    const uint32_t camera_id = cameras[i].camera.camera_id;
-    const auto file = camera_properties_.Get(camera_id, [&] { return ReadPropertiesOfCamera(camera_id); });
-    cameras[i].exif_camera = file->exif_camera;
-    // The database does not have the focal length of EXIF if the user has given the intrinsics.
-    if (!cameras[i].exif_focal_length_px) cameras[i].exif_focal_length_px = file->exif_focal_length_px;
-  }
-  return cameras;
-}
-
-PhotoProperties PhotoLoader::ReadPropertiesOfCamera(uint32_t camera_id) const {
-  for (const ModelImage& image : selection_.DatabaseModel().images) {
-    if (image.camera_id != camera_id) continue;
-    const std::filesystem::path path = std::filesystem::path(options_.image_path) / image.name;
-    std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error)) continue;
-    const std::optional<PhotoFile> file = PhotoFile::Read(path);
-    return file ? file->Properties() : PhotoProperties();
-  }
-  return {};
-}
-
 PhotoFile PhotoLoader::ReadFile(const PhotoQuery& photo, const FeatureMethod& method, QueryRecord* record) const {
   if (photo.file) return *photo.file;
   const std::filesystem::path path =
@@ -355,8 +326,9 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& at
   const FeatureMethod& method = *methods_.database;
   const PhotoFile file = ReadFile(photo, method, record);
   const PhotoProperties& properties = file.Properties();
-  PhotoCamera chosen = photo.camera ? PhotoCamera{*photo.camera, photo.source}
-                                    : ChoosePhotoCamera(properties, default_camera_, CamerasLike(properties));
+  PhotoCamera chosen = photo.camera
+                           ? PhotoCamera{*photo.camera, photo.source}
+                           : ChoosePhotoCamera(properties, default_camera_, selection_.CamerasLike(properties));
   const SharedCamera* const shared = FindSharedCamera(attempt.shared_cameras, chosen.camera, chosen.Origin());
   if (shared != nullptr) chosen = {shared->camera, IntrinsicsSource::JOINT};
   if (attempt.only_unknown_cameras && IsOfThisCamera(chosen.Origin())) throw Refusal{QueryStatus::NO_PAIRS, ""};

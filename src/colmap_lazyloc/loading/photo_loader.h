@@ -91,12 +91,6 @@ class PhotoLoader {
   void ChooseMethods(FeatureType type, const FeatureReader& reader);
   // Throws Refusal if the file is not a readable image.
   PhotoFile ReadFile(const PhotoQuery& photo, const FeatureMethod& method, QueryRecord* record) const;
-  // Returns the cameras that have the photo's size, of which one may have taken it, with makes, models and focal
-  // lengths in EXIF if the photo's make and model are known. If posed images are in the folder of the photos, their
-  // EXIF shows these.
-  std::vector<DatabaseCamera> CamerasLike(const PhotoProperties& photo) const;
-  // Returns what the file of a posed image shows about its camera; nothing if there is no file.
-  PhotoProperties ReadPropertiesOfCamera(uint32_t camera_id) const;
   // Sets the statistics of the candidates' features.
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
   // Reads or extracts the features of a database image. Throws DamagedRecordError.
@@ -137,7 +131,6 @@ class PhotoLoader {
   mutable std::unique_ptr<const RetrievalIndex> index_;  // null until a photo needs it
   mutable LruCache<Features> features_;
   mutable LruCache<std::optional<Features>> coarse_features_;
-  mutable LruCache<PhotoProperties> camera_properties_;  // of an image of each camera, by the id of the camera
 };
 
 }  // namespace lazyloc

@@ -48,7 +48,7 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, in
       seed_(seed),
       num_threads_(num_threads),
       database_(options.database_path),
-      selection_(database_, std::move(model), options.selection, !options.photos.image_path.empty()),
+      selection_(database_, std::move(model), options.selection, options.photos.image_path),
       pair_loader_(selection_),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),

@@ -141,6 +141,14 @@ std::optional<double> FocalLengthOfExifPx(const Camera& stored) {
   return OriginOfStoredCamera(stored) == IntrinsicsOrigin::EXIF ? MeanFocalLengthPx(stored) : std::nullopt;
 }
 
+PhotoProperties PropertiesOfStored(const Camera& stored) {
+  PhotoProperties properties;
+  properties.width = stored.width;
+  properties.height = stored.height;
+  properties.exif_focal_length_px = FocalLengthOfExifPx(stored);
+  return properties;
+}
+
 IntrinsicsOrigin PhotoCamera::Origin() const {
   switch (source) {
     case IntrinsicsSource::MODEL: return IntrinsicsOrigin::MODEL;
@@ -172,11 +180,7 @@ PhotoCamera ChooseStoredCamera(const Camera& stored, const std::vector<DatabaseC
   const IntrinsicsOrigin origin = OriginOfStoredCamera(stored);
   PhotoCamera own{stored, IntrinsicsSource::DATABASE};
   if (origin != IntrinsicsOrigin::EXIF && origin != IntrinsicsOrigin::GUESS) return own;
-  PhotoProperties photo;
-  photo.width = stored.width;
-  photo.height = stored.height;
-  photo.exif_focal_length_px = FocalLengthOfExifPx(stored);
-  return ChooseBetween(own, photo, database_cameras);
+  return ChooseBetween(own, PropertiesOfStored(stored), database_cameras);
 }
 
 }  // namespace lazyloc

@@ -58,6 +58,9 @@ struct DefaultCamera {
 // none. A model has refined ones, but the database file keeps what its reconstruction started from.
 std::optional<double> FocalLengthOfExifPx(const Camera& stored);
 
+// Returns the size of an image with a stored camera, and what the camera shows about the image's EXIF.
+PhotoProperties PropertiesOfStored(const Camera& stored);
+
 // Chooses the intrinsics of a photo without a camera of its own, from the first of these:
 // 1. the parameters of the default camera;
 // 2. a camera of the database with the photo's size (else, with its sides exchanged). It must not contradict the make,

@@ -1,7 +1,9 @@
 #include "colmap_lazyloc/queries/query_selection.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
+#include <system_error>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -9,6 +11,9 @@
 
 namespace lazyloc {
 namespace {
+
+// Maximum number of image files that are read for a query of a new size, because each takes as long as a photo.
+constexpr size_t kMaxNumFiles = 20;
 
 template <typename T>
 void SortUnique(std::vector<T>* values) {
@@ -27,8 +32,13 @@ void CheckUsable(const Camera& camera, const DatabaseReader& database) {
 }  // namespace
 
 QuerySelection::QuerySelection(const DatabaseReader& database, Model model, const QuerySelectionOptions& options,
-                               bool has_photos)
-    : options_(options), has_photos_(has_photos && !options.leave_one_out), model_(std::move(model)) {
+                               const std::string& image_path)
+    : options_(options),
+      image_path_(image_path),
+      has_photos_(!image_path.empty() && !options.leave_one_out),
+      model_(std::move(model)),
+      camera_properties_(
+          [](const PhotoProperties& properties) { return sizeof(PhotoProperties) + properties.exif_camera.size(); }) {
   ReadImages(database);
   const std::vector<std::string_view> query_names = AddQueries(database);
   num_queries_ = query_names.size();
@@ -81,6 +91,31 @@ std::map<uint32_t, double> QuerySelection::ReadExifFocalLengths(const DatabaseRe
     }
   }
   return focal_lengths_px;
+}
+
+std::vector<DatabaseCamera> QuerySelection::CamerasLike(const PhotoProperties& query) const {
+  std::vector<DatabaseCamera> cameras = database_cameras_->OfSize(query.width, query.height);
+  if (image_path_.empty() || (query.exif_camera.empty() && !query.exif_focal_length_px)) return cameras;
+  for (size_t i = 0; i < std::min(cameras.size(), kMaxNumFiles); ++i) {
+    const uint32_t camera_id = cameras[i].camera.camera_id;
+    const auto file = camera_properties_.Get(camera_id, [&] { return ReadPropertiesOfCamera(camera_id); });
+    cameras[i].exif_camera = file->exif_camera;
+    // The database does not have the focal length of EXIF if the user has given the intrinsics.
+    if (!cameras[i].exif_focal_length_px) cameras[i].exif_focal_length_px = file->exif_focal_length_px;
+  }
+  return cameras;
+}
+
+PhotoProperties QuerySelection::ReadPropertiesOfCamera(uint32_t camera_id) const {
+  for (const ModelImage& image : model_.images) {
+    if (image.camera_id != camera_id) continue;
+    const std::filesystem::path path = std::filesystem::path(image_path_) / image.name;
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error)) continue;
+    const std::optional<PhotoFile> file = PhotoFile::Read(path);
+    return file ? file->Properties() : PhotoProperties();
+  }
+  return {};
 }
 
 std::string QuerySelection::DamageOf(const std::string& name) const {
@@ -205,7 +240,7 @@ StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const Datab
     // Leaves the cameras of a rig, because they may have the same size and different lenses.
     std::vector<DatabaseCamera> cameras;
     if (groups_.IsSingle(role.group)) {
-      cameras = database_cameras_->OfSize(query.stored_camera.width, query.stored_camera.height);
+      cameras = CamerasLike(PropertiesOfStored(query.stored_camera));
     }
     const PhotoCamera chosen = ChooseStoredCamera(query.stored_camera, cameras);
     query.camera = chosen.camera;

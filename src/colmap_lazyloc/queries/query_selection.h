@@ -9,6 +9,7 @@
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/database/database_reader.h"
+#include "colmap_lazyloc/database/lru_cache.h"
 #include "colmap_lazyloc/formats/query_files.h"
 #include "colmap_lazyloc/queries/photo_camera.h"
 #include "colmap_lazyloc/queries/query_groups.h"
@@ -55,9 +56,10 @@ ImagePair MakeDatabasePair(const ModelImage& database_image, const Model& model,
 // a few bytes: what the database has of it is read when it is loaded.
 class QuerySelection {
  public:
-  // has_photos: queries without keypoints in the database are photos. Throws InputError for files that cannot be used
-  // or a query that is not in the database.
-  QuerySelection(const DatabaseReader& database, Model model, const QuerySelectionOptions& options, bool has_photos);
+  // image_path: folder of photos, which queries without keypoints in the database are; empty: none is a photo. Throws
+  // InputError for files that cannot be used or a query that is not in the database.
+  QuerySelection(const DatabaseReader& database, Model model, const QuerySelectionOptions& options,
+                 const std::string& image_path);
 
   // Returns the queries in groups, each of which is localized together.
   const QueryGroups& Groups() const { return groups_; }
@@ -72,7 +74,10 @@ class QuerySelection {
   StoredQuery ReadStoredQuery(const std::string& name, const DatabaseReader& database) const;
   // Returns the posed images without the queries; with leave_one_out all posed images.
   const Model& DatabaseModel() const { return model_; }
-  const CamerasBySize& PosedCameras() const { return *database_cameras_; }
+  // Returns the cameras of posed images that have the query's size, of which one may have taken it, with makes, models
+  // and focal lengths in EXIF if the query has one of these. If posed images are in the folder of the photos, their
+  // EXIF shows these.
+  std::vector<DatabaseCamera> CamerasLike(const PhotoProperties& query) const;
   // Returns the rig frames of the posed images that share their frame with another one.
   const FramePlaces& DatabaseFrames() const { return frame_of_database_image_; }
   // Returns the images of the database, sorted by name, without those whose row is damaged.
@@ -109,6 +114,8 @@ class QuerySelection {
   void ReadImages(const DatabaseReader& database);
   // Returns the focal lengths in the EXIF of the posed images, by the model's camera.
   std::map<uint32_t, double> ReadExifFocalLengths(const DatabaseReader& database) const;
+  // Returns what the file of a posed image shows about its camera; nothing if there is no file.
+  PhotoProperties ReadPropertiesOfCamera(uint32_t camera_id) const;
   // Returns the damage of the row of an image; empty if the row is not damaged.
   std::string DamageOf(const std::string& name) const;
   // Returns the names of the queries in their order, in the memory of this class.
@@ -123,6 +130,7 @@ class QuerySelection {
   void AddListedPair(const std::string& query_name, const std::string& other_name);
 
   const QuerySelectionOptions options_;
+  const std::string image_path_;
   const bool has_photos_;
   Model model_;
   std::vector<DatabaseImage> database_images_;                    // sorted by name
@@ -131,6 +139,7 @@ class QuerySelection {
   std::unordered_map<std::string, std::string> damage_of_image_;  // by name; images whose row is damaged
   std::string damage_of_unknown_image_;                           // of a row without a readable name; may be empty
   std::optional<CamerasBySize> database_cameras_;                 // of the posed images
+  mutable LruCache<PhotoProperties> camera_properties_;           // of an image of each camera, by the id of the camera
   std::vector<uint32_t> posed_ids_;
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   FramePlaces frame_of_database_image_;                   // by name; rig frames of several images only
