@@ -165,6 +165,29 @@ def test_given_intrinsics_stay(localize, start, files, tmp_path):
     assert [list(camera.params) for camera in cameras] == [params.tolist()]
 
 
+def test_camera_that_one_photo_has_determined_stays(localize, start, files, write_scene_files, tmp_path):
+    """The others hang on this photo. Adjustment would call its focal length more certain than localization does."""
+    single = "query/003.jpg"
+    scene = files.scene.copy()
+    scene.pairs = {
+        names: pair
+        for names, pair in scene.pairs.items()
+        if single in names or names[0][0] == names[1][0] or set(names) & {"database/002.jpg", "database/004.jpg"}
+    }
+    (tmp_path / "scene").mkdir()
+    few = write_scene_files(tmp_path / "scene", scene)
+    alone = localize(*few.arguments, "--LazyLocalizer.intrinsics", "refine")
+    assert [name for name, status in alone.statuses.items() if status == "LOCALIZED"] == [single]
+    done = start(alone.output_path, tmp_path / "epoch", database_path=few.database_path, input_path=few.model_path)
+    assert done.returncode == 0, done.stderr
+    results = read_results(tmp_path / "epoch/results.jsonl")
+    assert sum(result["status"] == "LOCALIZED" for result in results.values()) > 4
+    cameras = read_model(tmp_path / "epoch/model").cameras.values()
+    assert [list(camera.params) for camera in cameras] == [alone.results[single]["camera"]["params"]]
+    stddevs = [np.linalg.norm(one[single]["position_stddevs"]) for one in (alone.results, results)]
+    assert stddevs[1] > 0.5 * stddevs[0]
+
+
 def write_control_points(files, path, *more, shift=(0.0, 0.0, 0.0)):
     """Writes six points, which all images show, with marks that are exact to half a pixel."""
     rng = np.random.default_rng(5)

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/epoch/epoch_cameras.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <string>
@@ -31,15 +32,26 @@ std::optional<JointCamera> FindKnownCamera(const Model& model, const Localizatio
   return JointCamera{result.query_camera, true, result.intrinsics.covariance};
 }
 
+// Returns the camera that a single photo has determined. Adjustment would estimate it again from the same matches, but
+// without what localization knows of its uncertainty: in photos of level ground, the focal length can then be wrong by
+// many standard deviations.
+JointCamera CameraOf(const LocalizationResult& result) {
+  JointCamera camera{result.query_camera, true};
+  camera.covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) =
+      std::pow(result.intrinsics.focal_factor_stddev / result.intrinsics.focal_factor, 2);
+  return camera;
+}
+
 // Returns the median of each parameter, of the cameras with the most frequent model.
-Camera MedianCamera(const std::vector<Camera>& cameras) {
+Camera MedianCamera(const std::vector<const LocalizationResult*>& localized) {
   std::map<int, int> counts;
-  for (const Camera& camera : cameras) ++counts[camera.model_id];
+  for (const LocalizationResult* result : localized) ++counts[result->query_camera.model_id];
   const auto most =
       std::max_element(counts.begin(), counts.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
   std::vector<std::vector<double>> values;
   Camera median;
-  for (const Camera& camera : cameras) {
+  for (const LocalizationResult* result : localized) {
+    const Camera& camera = result->query_camera;
     if (camera.model_id != most->first) continue;
     if (values.empty()) median = camera;
     values.resize(camera.params.size());
@@ -55,7 +67,7 @@ std::vector<EpochCamera> ChooseCameras(const Model& model, const DatabaseReader&
                                        std::vector<EpochPhoto>* photos) {
   std::map<CameraKey, int> camera_of_key, camera_of_stored;
   std::vector<EpochCamera> cameras;
-  std::vector<std::vector<Camera>> localized;  // by camera
+  std::vector<std::vector<const LocalizationResult*>> localized;  // by camera
   const auto find_or_add = [&](const CameraKey& key, const JointCamera& camera) {
     const auto [entry, is_new] = camera_of_key.emplace(key, static_cast<int>(cameras.size()));
     if (is_new) {
@@ -78,7 +90,7 @@ std::vector<EpochCamera> ChooseCameras(const Model& model, const DatabaseReader&
     photo.camera = known ? find_or_add(KeyOf(known->camera, "known"), *known) : find_or_add(stored_key, {stored});
     camera_of_stored.emplace(stored_key, photo.camera);
     ++cameras[photo.camera].num_photos;
-    localized[photo.camera].push_back(photo.record.result.query_camera);
+    localized[photo.camera].push_back(&photo.record.result);
   }
   for (const auto& [photo, stored] : rest) {
     const CameraKey key = KeyOf(stored, shares ? "" : photo->Name());
@@ -86,7 +98,13 @@ std::vector<EpochCamera> ChooseCameras(const Model& model, const DatabaseReader&
     photo->camera = entry != camera_of_stored.end() ? entry->second : find_or_add(key, {stored});
   }
   for (size_t i = 0; i < cameras.size(); ++i) {
-    if (!cameras[i].is_constant && !localized[i].empty()) cameras[i].camera = MedianCamera(localized[i]);
+    if (cameras[i].is_constant || localized[i].empty()) continue;
+    const LocalizationResult& first = *localized[i].front();
+    if (shares && localized[i].size() == 1 && first.is_camera_refined) {
+      static_cast<JointCamera&>(cameras[i]) = CameraOf(first);
+    } else {
+      cameras[i].camera = MedianCamera(localized[i]);
+    }
   }
   return cameras;
 }

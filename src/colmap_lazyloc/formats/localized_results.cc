@@ -55,7 +55,12 @@ LocalizationResult ReadResult(const Json& json) {
   if (json.contains("intrinsics")) {
     ReadEnum(json.at("intrinsics").at("origin"), &result.intrinsics.origin);
     ReadEnum(json.at("intrinsics").at("verdict"), &result.intrinsics.verdict);
-    ReadMatrix(json.at("intrinsics").value("covariance", Json()), &result.intrinsics.covariance);
+    const Json& intrinsics = json.at("intrinsics");
+    ReadMatrix(intrinsics.value("covariance", Json()), &result.intrinsics.covariance);
+    if (!intrinsics.at("focal_factor").is_null()) {
+      intrinsics.at("focal_factor").get_to(result.intrinsics.focal_factor);
+      intrinsics.at("focal_factor_stddev").get_to(result.intrinsics.focal_factor_stddev);
+    }
   }
   const char* pose = result.status == QueryStatus::LOCALIZED ? "cam_from_world" : "unconfirmed_cam_from_world";
   if (!HasPose(result.status)) return result;
