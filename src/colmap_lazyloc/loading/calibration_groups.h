@@ -23,8 +23,12 @@ enum class CameraSharing {
 std::optional<uint32_t> SharedCameraKey(const QuerySelection& selection, CameraSharing sharing,
                                         const std::string& query_name);
 
-// Returns by key the groups whose queries a camera is estimated from: at most 20 groups of one query, evenly spaced in
-// the order of the queries' names. Leaves out cameras of a single query.
+// Returns the indices of at most max_num names: one of each of as many parts of the list, by its hash. Even steps could
+// meet only one of two cameras that took photos in turn.
+std::vector<size_t> ChooseSpread(const std::vector<std::string>& sorted_names, size_t max_num);
+
+// Returns by key the groups whose queries a camera is estimated from: at most 20 groups of one query (ChooseSpread).
+// Leaves out cameras of a single query.
 std::map<uint32_t, std::vector<size_t>> CalibrationGroups(const QuerySelection& selection, CameraSharing sharing);
 
 }  // namespace lazyloc
