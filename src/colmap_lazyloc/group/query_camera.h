@@ -17,6 +17,7 @@ class QueryCamera {
   explicit QueryCamera(const LocalizationProblem& problem);
 
   const Camera& Intrinsics() const { return camera_; }
+  IntrinsicsOrigin Origin() const { return problem_->intrinsics_origin; }  // before they were estimated
   void ScaleFocalLength(double factor);
   // Returns the factor on the focal length of the query's camera.
   double FocalFactor() const { return focal_factor_; }

@@ -23,6 +23,21 @@ constexpr double kMaxFocalFactor = 3;
 // Number of factors on each side of 1. Neighbours differ by 8 %, which adjustment corrects.
 constexpr int kNumSteps = 14;
 
+// Returns the factors to search, from 1 outwards.
+std::vector<double> FocalFactors(const QueryCamera& camera) {
+  std::vector<double> factors;
+  const auto add_around = [&](double centre) {
+    for (int i = 0; i <= 2 * kNumSteps; ++i) {
+      const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;
+      const double factor = centre * std::pow(kMaxFocalFactor, static_cast<double>(step) / kNumSteps);
+      if (centre == 1 || std::abs(std::log(factor)) > std::log(kMaxFocalFactor)) factors.push_back(factor);
+    }
+  };
+  add_around(1);
+  if (camera.Origin() == IntrinsicsOrigin::EXIF) add_around(FactorToGuess(camera.Intrinsics()));
+  return factors;
+}
+
 // Returns the errors of the points' projections in pixels; half the image's diagonal behind the camera.
 std::vector<double> ErrorsPx(const Refined& estimate, const std::vector<Track>& tracks) {
   const Rigid3d cam_from_world = CamFromWorld(estimate.adjustment.posed, 0);
@@ -40,6 +55,10 @@ std::vector<double> ErrorsPx(const Refined& estimate, const std::vector<Track>& 
 
 bool HasFocalLength(const Camera& camera) { return !SameIntrinsics(WithFocalFactor(camera, 2), camera); }
 
+double FactorToGuess(const Camera& camera) {
+  return GuessFocalLengthPx(camera.width, camera.height) / MeanFocalLength(camera);
+}
+
 bool IsFocalLengthUnknown(const LocalizationProblem& problem, const LocalizerOptions& options) {
   if (options.intrinsics == IntrinsicsMode::GIVEN || !HasFocalLength(problem.query_camera)) return false;
   return options.intrinsics == IntrinsicsMode::REFINE || !IsOfThisCamera(problem.intrinsics_origin);
@@ -54,9 +73,7 @@ FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCam
   const TrackRefs no_other_tracks;  // not used, because any focal length fits an epipolar line
   double best_score = 0;
   FocalLengthAndPose best;
-  for (int i = 0; i <= 2 * kNumSteps; ++i) {
-    const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // from the given focal length outwards
-    const double factor = std::pow(kMaxFocalFactor, static_cast<double>(step) / kNumSteps);
+  for (const double factor : FocalFactors(camera)) {
     QueryCamera scaled = camera;
     scaled.ScaleFocalLength(factor);
     const std::vector<Track> tracks = scaled.Observe(tracks_from_database);

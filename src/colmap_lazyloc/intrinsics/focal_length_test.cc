@@ -74,6 +74,20 @@ TEST_P(Factors, IsFoundFromRawMatches) {
 
 INSTANTIATE_TEST_SUITE_P(FocalLength, Factors, testing::Values(0.5, 0.8, 1, 1.25, 2));
 
+// The search from EXIF's focal length ends at three times and at a third of it.
+TEST(FocalLength, IsFoundFromAGuessIfExifIsWrongByAnyFactor) {
+  SyntheticSceneOptions options;
+  options.pixel_noise_px = 0.5;
+  for (const double factor : {0.01, 0.05, 20.0, 1e4}) {
+    SyntheticScene scene = MakeScene(options, factor);
+    scene.problem.intrinsics_origin = IntrinsicsOrigin::EXIF;
+    const LocalizationResult result = LocalizeQuery(scene.problem, LocalizerOptions());
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason << ", factor " << factor;
+    EXPECT_NEAR(result.query_camera.params[0] / (scene.problem.query_camera.params[0] / factor), 1, 0.01);
+    EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.01 * scene.median_depth);
+  }
+}
+
 TEST(FocalLength, DistortedCameraIsRefinedToo) {
   SyntheticSceneOptions options;
   SyntheticScene scene = MakeSyntheticScene(options);

@@ -62,11 +62,12 @@ size_t NumDatabaseFrames(const BundleAdjustmentResult& adjustment) {
 }
 
 // Throws Failure if the images do not determine an estimated focal length.
-void CheckEstimate(const BundleAdjustmentResult& adjustment, double focal_factor, double log_focal_stddev) {
+void CheckEstimate(const BundleAdjustmentResult& adjustment, const Camera& initial, double focal_factor,
+                   double log_focal_stddev) {
   if (NumDatabaseFrames(adjustment) < kMinNumFrames) {
     throw Failure{QueryStatus::UNKNOWN_CAMERA, kTooFewFramesReason};
   }
-  if (log_focal_stddev > kMaxLogFocalStddev || focal_factor < kMinFocalFactor) {
+  if (log_focal_stddev > kMaxLogFocalStddev || focal_factor < kMinFocalFactor * std::min(1.0, FactorToGuess(initial))) {
     throw Failure{QueryStatus::UNKNOWN_CAMERA, kUnknownFocalLengthReason};
   }
 }
@@ -137,7 +138,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const auto log_focal_by_others = score.log_factor_from_correction.tail<kNumOtherCorrections>();
       const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) +
                                                 log_focal_by_others.dot(mean_square * log_focal_by_others));
-      if (camera) CheckEstimate(refined.adjustment, result.focal_factor, log_focal_stddev);
+      if (camera) CheckEstimate(refined.adjustment, problem.query_camera, result.focal_factor, log_focal_stddev);
       const double missing_variance = camera ? VarianceByDatabase(problem.pairs) + refined.log_focal_scatter : 0;
       result.focal_factor_stddev = result.focal_factor * std::hypot(log_focal_stddev, std::sqrt(missing_variance));
       pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
