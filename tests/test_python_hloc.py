@@ -75,6 +75,17 @@ def test_query_without_a_pose_has_no_line(hloc_files):
 
 
 @pytest.mark.parametrize(
+    ("results", "message"),
+    [("no_folder/results.txt", "cannot be written: its folder does not exist"), ("model", "is a folder; name a file")],
+)
+def test_output_is_checked_before_any_work(hloc_files, results, message):
+    folder = hloc_files[0]
+    files = arguments_of(folder) | {"results": folder / results, "features": folder / "not_read.h5"}
+    with pytest.raises(InputError, match=f"{results}: {message}"):
+        localize_lazyloc.main(**files)
+
+
+@pytest.mark.parametrize(
     "change", [lambda name: name.partition("/")[2], lambda name: f"data/{name}", lambda name: f"{name}x"]
 )
 def test_unknown_names_in_pairs_are_shown_with_the_nearest(hloc_files, change):

@@ -54,6 +54,10 @@ def main(
     import h5py
 
     del ransac_thresh, covisibility_clustering
+    if not pathlib.Path(results).parent.is_dir():
+        raise InputError(f"{results}: cannot be written: its folder does not exist")
+    if pathlib.Path(results).is_dir():
+        raise InputError(f"{results}: is a folder; name a file")
     model = read_model(reference_sfm) if isinstance(reference_sfm, str | os.PathLike) else Model.of(reference_sfm)
     cameras = read_query_cameras(queries)
     names_of_query = _retrieved(retrieval, cameras, model)
