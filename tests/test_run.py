@@ -339,6 +339,16 @@ def test_without_poses_the_mapper_makes_them(run, photos):
     assert np.abs(distances / scale - true_distances).max() < 0.1
 
 
+def test_mapper_keeps_given_intrinsics(run, capsys):
+    assert run(None, "--camera", "PINHOL 1 2 3", exit_code=1) and "PINHOLE" in capsys.readouterr().err
+    wrong_size = " ".join(map(str, [CAMERA.model, CAMERA.width, CAMERA.height + 1, *CAMERA.params]))
+    assert run(None, "--camera", wrong_size, exit_code=1) and "--camera is for" in capsys.readouterr().err
+    output = run(None, "--camera", CAMERA.text())
+    model = read_model(output / "model")
+    assert len(model.images) >= 5
+    assert [CAMERA.text()] == [camera.text() for camera in model.cameras.values()]
+
+
 def test_many_photos_without_poses_are_matched_by_retrieval(run, photos, monkeypatch, capsys):
     monkeypatch.setattr(steps, "MAX_NUM_EXHAUSTIVE", 5)  # of 6 database images
     monkeypatch.setattr(steps, "NUM_RETRIEVED", 4)

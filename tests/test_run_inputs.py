@@ -442,7 +442,6 @@ def test_options_are_used_or_refused(run, place, words, message, capsys):
     "words",
     [
         ["--poses_format", "csv"],
-        ["--camera", "PINHOLE 480 360 400 400 240 180"],
         ["--calibration", "PLACE/query/0.png"],
         ["--unit", "m"],
         ["--geo_origin", "1,2,3"],

@@ -364,6 +364,20 @@ def test_photos_without_a_pose_of_the_mapper_are_named(photos, colmap, monkeypat
     assert [item["name"] for item in warning["items"]] == ["database/mirrored.png"]
 
 
+def test_model_of_few_photos_is_doubted(photos, colmap, monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("COLMAP", str(colmap))
+    shutil.copytree(photos.image_path / "database", tmp_path / "photos")
+    rng = np.random.default_rng(0)
+    for index in range(7):
+        pixels = rng.integers(0, 255, (90, 120), np.uint8)
+        PIL.Image.fromarray(pixels).resize((480, 360)).save(tmp_path / "photos" / f"noise{index}.png")
+    words = ["run", "--database_images", tmp_path / "photos", "--queries", photos.image_path / "query"]
+    words += ["--output", tmp_path / "out", *photo_scene.SIFT]
+    assert main([str(word) for word in words]) == 0
+    text = capsys.readouterr().err
+    assert "found no pose of 7 of 13 photos" in text and "so few photos may make a wrong model" in text
+
+
 def test_run_by_marked_points(courtyard, photos, capsys):
     """The points are on the north wall and on its bay."""
     camera, points = photo_scene.CAMERA, np.array([[-1.0, 6.0, 3.5], [2.2, 4.0, 3.0]])

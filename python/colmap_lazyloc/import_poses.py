@@ -50,7 +50,7 @@ def add_source_options(add: Callable[..., Any]) -> None:
         "--camera",
         metavar="'MODEL W H PARAMS...'",
         help="intrinsics of all database images, for example 'OPENCV 1920 1080 fx fy cx cy k1 k2 p1 p2'; needed if the "
-        "file of poses has no intrinsics",
+        "file of poses has no intrinsics. Without --poses, lazyloc run keeps these intrinsics, and computes only poses",
     )
     add(
         "--calibration",

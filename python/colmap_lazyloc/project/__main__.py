@@ -124,7 +124,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     queries = _make_images(project, options, QUERY, query_photos)
     _link_masks(project, options, database, queries)
     camera = _query_camera(project, options, queries, posed)
-    cameras = database.cameras()
+    cameras = database.cameras(database_camera := _database_camera(project, options, database))
     if posed is not None:
         cameras = {image.name: image.camera for image in posed.images}
         _check_poses(project, options, posed)
@@ -137,7 +137,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     if lazy is None:
         steps.match_database(project, used, posed, num_neighbors)
     known = _known_lengths(options, database, positions)
-    steps.make_model(project, used, posed, not database.widths, known)
+    steps.make_model(project, used, posed, not database.widths and database_camera is None, known)
     survey = _survey(project, options, [*used, *queries.linked.values()])
     _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
     results = project.folder.localized
@@ -329,6 +329,15 @@ def _link_masks(project: steps.Project, options: argparse.Namespace, database: I
     count = sum(link_masks(project.folder, role, names, options.masks) for role, names in linked.items())
     if options.masks is not None and count == 0:
         raise InputError(f"--masks {options.masks}: has no mask of any photo, NAME.png for the photo NAME")
+
+
+def _database_camera(project: steps.Project, options: argparse.Namespace, database: Images) -> Camera | None:
+    """Returns the camera that is given for database images whose poses COLMAP's mapper computes."""
+    if options.poses is not None or options.camera is None:
+        return None
+    camera = Camera.parse("--camera", options.camera)
+    check_size(project.folder, "--camera", dict.fromkeys(sorted(database.linked.values()), camera))
+    return camera
 
 
 def _query_camera(

@@ -246,8 +246,9 @@ def split(words: Sequence[str]) -> tuple[list[str], list[str]]:
 def check(options: argparse.Namespace, words: Sequence[str]) -> None:
     """Checks what costs no time: paths, values, and that no option is without effect."""
     _check_paths(options)
-    if options.query_camera is not None:
-        Camera.parse("--query_camera", options.query_camera)
+    for name in ("camera", "query_camera"):
+        if getattr(options, name) is not None:
+            Camera.parse(f"--{name}", getattr(options, name))
     _separate_positions(options)
     if options.poses is not None:
         make_source(options.poses, options.database_images, options)
@@ -267,7 +268,7 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
             "--camera is that of perspective photos, but --panoramas says that database images are panoramas"
         )
     _check_metres(options)
-    used = {"crs"} if options.positions is None else {"crs", "geo_origin", "poses_format"}
+    used = {"camera", "crs"} if options.positions is None else {"camera", "crs", "geo_origin", "poses_format"}
     for name in ("poses_format", "geo_origin", "unit", "accept_poses", *CONVENTION_OPTIONS):
         if options.poses is None and getattr(options, name) and name not in used:
             missing = "without --poses" if options.positions is None else "on positions, which have no rotations"

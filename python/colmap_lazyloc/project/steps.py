@@ -294,7 +294,7 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
     words += [list_option, folder.write_list("mapped", used)]
     words += ["--output_path", folder.sparse, "--Mapper.min_model_size", MIN_MODEL_SIZE]
     if not refines_cameras:
-        words += ["--Mapper.ba_refine_focal_length", 0]
+        words += ["--Mapper.ba_refine_focal_length", 0, "--Mapper.ba_refine_extra_params", 0]
     with ProgressBar("mapping, because there are no poses", len(used), "photos have poses") as bar:
         project.runner.run(words, bar)
     if not any(path.is_dir() for path in folder.sparse.iterdir()):
@@ -310,6 +310,10 @@ def _write_mapped(project: Project, used: Sequence[str], known: Known | None, fo
     if lost:
         count = f"{len(lost)} of {len(used)} photos"
         logger.warning("COLMAP's mapper found no pose of %s, which are not used: %s", count, first_names(lost, 5))
+    if 2 * len(lost) > len(used):
+        logger.warning(
+            "so few photos may make a wrong model: take more photos, or pass --camera if you know the camera"
+        )
     is_level = not isinstance(known, Distance)
     try:
         if isinstance(known, Distance):
