@@ -24,6 +24,7 @@ from colmap_lazyloc.localizer import Localizer
 from colmap_lazyloc.model import Camera, Model, ModelLike, read_model
 from colmap_lazyloc.pairs import read_pairs
 from colmap_lazyloc.queries import read_query_cameras
+from colmap_lazyloc.report.output import check_output
 from colmap_lazyloc.result import Result
 from colmap_lazyloc.text_files import Path
 
@@ -54,10 +55,7 @@ def main(
     import h5py
 
     del ransac_thresh, covisibility_clustering
-    if not pathlib.Path(results).parent.is_dir():
-        raise InputError(f"{results}: cannot be written: its folder does not exist")
-    if pathlib.Path(results).is_dir():
-        raise InputError(f"{results}: is a folder; name a file")
+    check_output(pathlib.Path(results), is_folder=False)
     model = read_model(reference_sfm) if isinstance(reference_sfm, str | os.PathLike) else Model.of(reference_sfm)
     cameras = read_query_cameras(queries)
     names_of_query = _retrieved(retrieval, cameras, model)

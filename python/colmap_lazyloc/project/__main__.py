@@ -331,13 +331,17 @@ def _link_masks(project: steps.Project, options: argparse.Namespace, database: I
         raise InputError(f"--masks {options.masks}: has no mask of any photo, NAME.png for the photo NAME")
 
 
+def _given_camera(project: steps.Project, option: str, text: str, images: Images) -> Camera:
+    camera = Camera.parse(option, text)
+    check_size(project.folder, option, dict.fromkeys(sorted(images.linked.values()), camera))
+    return camera
+
+
 def _database_camera(project: steps.Project, options: argparse.Namespace, database: Images) -> Camera | None:
     """Returns the camera that is given for database images whose poses COLMAP's mapper computes."""
     if options.poses is not None or options.camera is None:
         return None
-    camera = Camera.parse("--camera", options.camera)
-    check_size(project.folder, "--camera", dict.fromkeys(sorted(database.linked.values()), camera))
-    return camera
+    return _given_camera(project, "--camera", options.camera, database)
 
 
 def _query_camera(
@@ -345,9 +349,7 @@ def _query_camera(
 ) -> Camera | None:
     """Returns the camera that is given for the queries; of a sequence, else that of database images of its size."""
     if options.query_camera is not None:
-        camera = Camera.parse("--query_camera", options.query_camera)
-        check_size(project.folder, "--query_camera", dict.fromkeys(sorted(queries.linked.values()), camera))
-        return camera
+        return _given_camera(project, "--query_camera", options.query_camera, queries)
     if options.sequence is None:
         return None
     sizes = (photo_size(project.folder.images / name) for name in sorted(queries.linked.values()))

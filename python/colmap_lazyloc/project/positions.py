@@ -9,7 +9,13 @@ import numpy as np
 
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs, from_geodetic
-from colmap_lazyloc.report.coordinates import DEGREE_DIGITS, METRE_DIGITS, in_reference_system, length_digits
+from colmap_lazyloc.report.coordinates import (
+    DEGREE_DIGITS,
+    METRE_DIGITS,
+    System,
+    in_reference_system,
+    length_digits,
+)
 from colmap_lazyloc.report.facts import METRE
 from colmap_lazyloc.report.output import write_file
 from colmap_lazyloc.result_fields import ResultFields
@@ -24,7 +30,7 @@ def write_reference_system(folder: pathlib.Path, crs: str | None) -> None:
     """Adds positions in a projected or geocentric system, with their standard deviations, to positions.csv in a folder
     of results, in place of those of an earlier run."""
     places = read_geodetic(folder)
-    system = in_reference_system(crs, np.array([*places.values()])) if crs is not None and places else None
+    system = _in_system(crs, places)
     path = folder / POSITIONS
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
@@ -42,6 +48,11 @@ def write_reference_system(folder: pathlib.Path, crs: str | None) -> None:
     missing = [""] * (len(header) - num_columns)
     table.writerows([*row[:num_columns], *(added.get(row[0], missing) if added else [])] for row in rows)
     write_file(path, [text.getvalue().encode()])
+
+
+def _in_system(crs: str | None, places: Mapping[str, Sequence[float]]) -> System | None:
+    """Returns latitudes, longitudes and heights in a projected or geocentric system, if there are any and it is one."""
+    return in_reference_system(crs, np.array([*places.values()])) if crs is not None and places else None
 
 
 def _stddevs(folder: pathlib.Path, crs: str, names: Sequence[str]) -> Array:
@@ -78,7 +89,7 @@ def position_lines(
     header = ["query", *(f"{axis}{suffix}" for axis in "xyz"), f"std. dev.{suffix}"]
     if places:
         header += ["latitude", "longitude", f"height ({METRE})"]
-    system = in_reference_system(crs, np.array([*places.values()])) if crs is not None and places else None
+    system = _in_system(crs, places)
     projected = {} if system is None else {name: xyz for name, xyz in zip(places, system.xyz) if np.isfinite(xyz).all()}
     if system is not None:
         header += [f"{axis} ({of_axis})" for axis, of_axis in zip(system.axes, system.units)]

@@ -28,7 +28,7 @@ from colmap_lazyloc.pose_formats.exif_gps import in_local_frame, read_photos, wr
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, Positions, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
-from colmap_lazyloc.progress import ProgressBar
+from colmap_lazyloc.progress import POSES, ProgressBar
 from colmap_lazyloc.project.alignment import NotAlignedError, align_to_points, align_to_positions
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.distance import Distance, scale_to_distance
@@ -295,7 +295,7 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
     words += ["--output_path", folder.sparse, "--Mapper.min_model_size", MIN_MODEL_SIZE]
     if not refines_cameras:
         words += ["--Mapper.ba_refine_focal_length", 0, "--Mapper.ba_refine_extra_params", 0]
-    with ProgressBar("mapping, because there are no poses", len(used), "photos have poses") as bar:
+    with ProgressBar("mapping, because there are no poses", len(used), POSES) as bar:
         project.runner.run(words, bar)
     if not any(path.is_dir() for path in folder.sparse.iterdir()):
         raise InputError(f"{folder.path}: COLMAP's mapper found no poses: the photos overlap too little")

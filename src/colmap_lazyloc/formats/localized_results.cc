@@ -53,9 +53,9 @@ LocalizationResult ReadResult(const Json& json) {
     });
   }
   if (json.contains("intrinsics")) {
-    ReadEnum(json.at("intrinsics").at("origin"), &result.intrinsics.origin);
-    ReadEnum(json.at("intrinsics").at("verdict"), &result.intrinsics.verdict);
     const Json& intrinsics = json.at("intrinsics");
+    ReadEnum(intrinsics.at("origin"), &result.intrinsics.origin);
+    ReadEnum(intrinsics.at("verdict"), &result.intrinsics.verdict);
     ReadMatrix(intrinsics.value("covariance", Json()), &result.intrinsics.covariance);
     if (!intrinsics.at("focal_factor").is_null()) {
       intrinsics.at("focal_factor").get_to(result.intrinsics.focal_factor);

@@ -24,9 +24,8 @@ struct FocalLengthAndPose {
 };
 
 // Searches a grid of 29 focal lengths in [f/3, 3f], and if f is EXIF's, which can be wrong by any factor, also around
-// COLMAP's guess: an absolute pose (P3P in RANSAC) with each on tracks triangulated
-// from the database, whose points do not depend on the query's focal length; keeps the highest score (ScoreStart).
-// Throws Failure without any pose.
+// COLMAP's guess: an absolute pose (P3P in RANSAC) with each on tracks triangulated from the database, whose points do
+// not depend on the query's focal length; keeps the highest score (ScoreStart). Throws Failure without any pose.
 FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCamera& camera,
                                             const std::vector<Track>& tracks_from_database,
                                             const LocalizerOptions& options);
